@@ -18,6 +18,7 @@ from fmfts.contact.inference import POSE
 
 LONGEST_S = 30.0
 HANDLED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # must not run the daemon's handlers in the other process
+FORKS = hasattr(os, "fork") and hasattr(os, "memfd_create")  # else it looks in this process: macOS runs only `replay`
 MODELS = 8  # number of models whose result is kept: each is read only once, for all pads
 
 
@@ -51,6 +52,11 @@ def tried(content: bytes) -> bytes:
 def _asked(what: Literal["tell", "try_out"], content: bytes) -> bytes:
     """Forks, as a new Python would import for 0.2 s what this one has. What is forked needs no lock of another thread:
     it imports onnxruntime, computes, and ends."""
+    if not FORKS:
+        try:
+            return _said(what, content)
+        except Exception as error:  # of onnxruntime
+            raise ValueError(shortened(_first_line(error))) from error
     answer, (ends, held) = os.memfd_create("answer"), os.pipe()
     try:
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, HANDLED)
@@ -98,13 +104,21 @@ def _look(what: Literal["tell", "try_out"], content: bytes, answer: int) -> NoRe
     ended = 1
     try:
         os.dup2(answer, 2)  # what onnxruntime says when it aborts
-        from fmfts.contact import session
-
-        said = session.tell(content) if what == "tell" else session.try_out(content)
+        said = _said(what, content)
         os.ftruncate(answer, 0)
         os.pwrite(answer, said, 0)
         ended = 0
     except BaseException as error:  # noqa: BLE001  # of onnxruntime, which says so where memory is short
-        os.write(2, f"\n{(str(error).splitlines() or [type(error).__name__])[0]}".encode())
+        os.write(2, f"\n{_first_line(error)}".encode())
     finally:
         os._exit(ended)
+
+
+def _said(what: Literal["tell", "try_out"], content: bytes) -> bytes:
+    from fmfts.contact import session
+
+    return session.tell(content) if what == "tell" else session.try_out(content)
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -5,7 +5,6 @@ Import it only if needed: it takes 30 MB and a tenth of a second.
 
 from __future__ import annotations
 
-import resource
 import time
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import msgspec
 import numpy as np
 import onnxruntime
 
-from fmfts.contact.beside import Told
+from fmfts.contact.beside import FORKS, Told
 from fmfts.contact.comparison import Poses, poses_of
 from fmfts.contact.contract import (
     EXTERNAL,
@@ -127,7 +126,11 @@ def _answers(session: onnxruntime.InferenceSession, poses: Poses) -> bytes:
 
 
 def _limit() -> None:
-    """Limit the memory and time that this process may use from here on."""
+    """Limit the memory and time that this process may use from here on, if it looks at a model and ends."""
+    if not FORKS:
+        return
+    import resource
+
     status = Path("/proc/self/status").read_text()
     (used_kb,) = (int(line.split()[1]) for line in status.splitlines() if line.startswith("VmData:"))
     resource.setrlimit(resource.RLIMIT_DATA, ((used_kb << 10) + MOST_MORE, resource.RLIM_INFINITY))
