@@ -172,7 +172,7 @@ def main() -> None:
     verb.add_argument("--seconds", type=float, default=5.0, help="of presses and pauses, for each pad")
     verb.add_argument("--pads", type=int, default=3, help="of successive seeds")
     verb.add_argument("--scenes", nargs="+", choices=faults.AMBIENTS, default=faults.AMBIENTS)
-    verb.add_argument("--amplitudes", type=float, nargs="+", default=alternating.AMPLITUDES_T, metavar="T")
+    verb.add_argument("--amplitudes-ut", type=float, nargs="+", default=alternating.AMPLITUDES_UT, metavar="UT")
     verb.set_defaults(run=alternating.run)
     verb = verbs.add_parser("neighbours", help="two pads side by side, both pressed, told of each other and not")
     verb.add_argument("--seconds", type=float, default=24.0, help="of pressing, for each row")

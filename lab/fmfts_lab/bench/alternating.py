@@ -31,7 +31,7 @@ from fmfts_simulation.finger import no_finger
 
 When = Literal["before", "after"]
 WHENS: tuple[When, ...] = ("before", "after")
-AMPLITUDES_T = tuple(each_ut * 1e-6 for each_ut in (0.2, 0.5, 1.0, 2.0, 5.0))
+AMPLITUDES_UT = (0.2, 0.5, 1.0, 2.0, 5.0)
 MAINS_HZ, RATES_HZ = (50.0, 60.0), (75, 110, 160, 220)
 BEGIN_S = 1.0  # after the baseline: when the touch begins
 MOTOR_HZ, MOTOR_M, MOTOR_A_M2 = 30.0, 0.05, 0.01
@@ -181,7 +181,8 @@ def run(options: Namespace) -> None:
     seeds = range(options.seed, options.seed + options.pads)
     for ambient in options.scenes:
         for when in WHENS:
-            for amplitude_t in (*options.amplitudes, None):
+            for amplitude_ut in (*options.amplitudes_ut, None):
+                amplitude_t = None if amplitude_ut is None else amplitude_ut * 1e-6
                 row = row_of(ambient, when, amplitude_t, seeds, options.seconds)
-                name = "motor " if amplitude_t is None else f"{amplitude_t * 1e6:3.1f} µT"
+                name = "motor " if amplitude_ut is None else f"{amplitude_ut:3.1f} µT"
                 print(f"{ambient:8} {when:6} {name}  {row.line}", flush=True)
