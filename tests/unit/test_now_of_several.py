@@ -113,6 +113,43 @@ def test_samples_before_their_frame_bring_a_newer_now() -> None:
     assert off_n(brought)[0] < 0.8 * off_n(alone)[0] < 0.1
 
 
+def test_sample_before_its_frame_shows_a_finger_that_no_frame_has_shown() -> None:
+    """Nothing pressed in the last frame, whose message it repeats, with another `now`."""
+    made = ready(EARLY_S)
+    for frame in frames(80, tapping):
+        told = [answer.message for sample in samples_of(frame) if (answer := made.early(sample)) is not None]
+        if told:
+            break
+        last = made.process(frame)
+        assert last.now is not None
+        assert last.now.force_n == 0.0
+    first = told[0]
+    assert first.contact is False
+    assert first.now is not None
+    assert 0.0 < first.now.force_n == pytest.approx(tapping(first.now.t_ns * 1e-9).force_n, abs=0.15)
+    assert tapping(first.now.t_ns * 1e-9).force_n < 0.25
+
+
+def test_only_new_sample_that_a_finger_may_have_changed_is_looked_at() -> None:
+    made, some = ready(EARLY_S), frames(20)
+    for frame in some:
+        made.process(frame)
+    assert made._followed is not None
+    sample = samples_of(some[-1])[-1]
+    (x, y, z), step_t = sample.counts, sample.chip.step_t[sample.gain_code][0]
+
+    def is_looked_at(change_t: float, later_us: int) -> bool:
+        counts, time_us = (x + round(change_t / step_t), y, z), sample.device_time_us + later_us
+        memory, compiled = made._followed._buffer, made._frames.compiled  # type: ignore[union-attr]
+        return compiled.follow_early(memory, sample.sensor, sample.gain_code, *counts, time_us) is True
+
+    assert is_looked_at(2e-5, 4500)
+    assert not is_looked_at(5e-7, 4500)  # noise
+    assert not is_looked_at(6e-5, 4500)  # a jump, as from a moved wire
+    assert not is_looked_at(2e-5, 0)  # the frame contained it
+    assert not is_looked_at(2e-5, 1_000_000)
+
+
 def test_sample_of_another_time_is_not_taken() -> None:
     made = ready(EARLY_S)
     some = frames(60, steady_finger(3e-3, -4e-3, 1.0))

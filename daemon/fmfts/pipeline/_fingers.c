@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../pose/push.h"
 #include "fingers.h"
 #include "steps.h"
 
@@ -247,6 +248,22 @@ PyObject *fmfts_pad_follow(PyObject *object, PyObject *memory)
     return followed ? PyBool_FromLong(self->reading.now.known) : NULL;
 }
 
+/* Whether a sample is new, and certainly another than that sensor's in the last frame, but no farther than a finger changes it. */
+static bool has_changed(const fmfts_pad_object *self, const fmfts_early *early)
+{
+    const double sure = 5.7; /* four deviations of a difference of two samples */
+    const fmfts_pose_parameters *parameters = &self->pad.parameters->pose;
+    const fmfts_pose_memory *last = &self->memory->pose;
+    bool is_new = self->pad.parameters->now.early_lead_us > 0.0 && fmfts_is_new(parameters, last->time_us, early), changed = false;
+    for (int axis = 3 * early->sensor, k = 0; is_new && k < 3; k++) {
+        double noise_t = parameters->noise_t[axis + k] * fabs(parameters->gain[axis + k]);
+        double change_t = fabs(early->field_t[k] - last->field_t[axis + k]);
+        changed = changed || change_t > sure * noise_t;
+        is_new = change_t < FMFTS_JUMP_T;
+    }
+    return changed && is_new;
+}
+
 PyObject *fmfts_pad_follow_early(PyObject *object, PyObject *args)
 {
     fmfts_pad_object *self = (fmfts_pad_object *)object;
@@ -265,6 +282,10 @@ PyObject *fmfts_pad_follow_early(PyObject *object, PyObject *args)
     if (followed && self->reading.several) {
         fmfts_early early = {.sensor = sensor, .time_us = time_us};
         fmfts_read_early(&self->pad.parameters->pose, gain_code, counts, early.field_t);
+        if (followed->finger.pressing == 0.0 && has_changed(self, &early)) {
+            give_back(&given);
+            return Py_NewRef(Py_True);
+        }
         fmfts_follow_finger_early(self->pad.parameters, followed, &early, now);
     }
     give_back(&given);

@@ -1,6 +1,6 @@
 """One pad's frames judged in C; frame.h says how."""
 
-from typing import Any
+from typing import Any, Literal
 
 from numpy.typing import NDArray
 from typing_extensions import Buffer
@@ -164,8 +164,9 @@ class Pad:
 
     def follow_early(
         self, memory: Buffer, sensor: int, gain_code: int, x: int, y: int, z: int, time_us: int, /
-    ) -> bytes | None:
-        """The last message with what a sample says that came before its frame; None: it has no news."""
+    ) -> bytes | Literal[True] | None:
+        """The last message with what a sample says that came before its frame; None: it has no news; True: nothing
+        pressed in the last frame, and now a finger may."""
 
     def begin(self, clock: Buffer, topic: bytes, pad_index: int, overdue_ns: int, /) -> None:
         """Until `end`, a Loop judges the frames, whatever their health.

@@ -83,6 +83,8 @@ class FollowedFinger:
         self._rest_t = mounting.rest_field_t.ravel()
         self._quiet = np.array([0.0, 0.0, estimator.quiet_force_sd_n])
         self._sure_t = SURE_DEVIATIONS * mounting.noise_t
+        # Of the last frame, in which nothing pressed: its change, its field (N, 3), and the newest samples (N, 3).
+        self._last: tuple[Measured, Array, Array]
 
     @property
     def memory(self) -> FollowedMemory:
@@ -109,33 +111,32 @@ class FollowedFinger:
         self._pressing[()] = self._places[()] = pressed = len(fit.fingers)
         self._instant_us[()] = aligned.time_us
         if pressed:
-            self._put(reading.measured, fit, frame)
+            self._put(reading.measured, fit, frame.device_time_us)
         else:
-            self._deviation[:] = self._quiet
-            newer_t = newest_t - aligned.field_t
-            if (np.abs(newer_t) > self._sure_t).any():
-                self._look_ahead(reading.measured, newer_t, frame)
+            assert reading.measured is not None
+            self._deviation[:], self._last = self._quiet, (reading.measured, aligned.field_t, newest_t)
+            if (np.abs(newest_t - aligned.field_t) > self._sure_t).any():
+                self._look_ahead(frame.device_time_us)
         return compiled.follow(self._buffer)
 
-    def _look_ahead(self, measured: Measured | None, newer_t: Array, frame: Frame) -> None:
-        """The newest samples may show a finger, though nothing pressed at the frame's instant. newer_t (N, 3): by how
-        much they differ from that."""
-        assert measured is not None
-        mounting = self._mounting
+    def _look_ahead(self, time_us: int) -> None:
+        """The newest samples may show a finger, though nothing pressed at the frame's instant."""
+        measured, field_t, newest_t = self._last
+        mounting, newer_t = self._mounting, newest_t - field_t
         change_t = measured.field_t + (newer_t / (mounting.gain * self._estimator.moment)).ravel()
         newest = replace(measured, field_t=change_t, variance_t2=square(mounting.noise_t / mounting.gain).ravel())
         found = self._estimator.appears(newest)
         if found is not None:
             self._pressing[()] = PRESSING
-            self._put(newest, found, frame)
+            self._put(newest, found, time_us)
 
-    def _put(self, measured: Measured | None, fit: Fit, frame: Frame) -> None:
+    def _put(self, measured: Measured | None, fit: Fit, time_us: int) -> None:
         """The field is linear at the finger where the newest samples should find it: at a tap it has moved on since the
         frame's instant."""
         assert measured is not None
         there, model, began_us = fit.fingers, self._estimator.fitter.model, self._motion_us.item()
         if began_us > 0.0:
-            ahead_s = min(max((frame.device_time_us - began_us) * 1e-6, 0.0), LONGEST_AHEAD_S)
+            ahead_s = min(max((time_us - began_us) * 1e-6, 0.0), LONGEST_AHEAD_S)
             there = self._motion[:3].copy()  # the rates of its place are poorly known
             there[2] = max(there[2] + ahead_s * self._motion[7], 0.0)
         self._numbers[0] = self._estimator.moment
@@ -146,5 +147,11 @@ class FollowedFinger:
 
     def early(self, early: EarlySample, compiled: _pad.Pad) -> bytes | None:
         """The last message with what a sample says that came before its frame; None where it says nothing new."""
-        count = early.sensor, early.gain_code, *early.counts
-        return compiled.follow_early(self._buffer, *count, early.device_time_us)
+        sample = self._buffer, early.sensor, early.gain_code, *early.counts, early.device_time_us
+        payload = compiled.follow_early(*sample)
+        if payload is True:
+            self._last[2][early.sensor] = early.field_t
+            self._look_ahead(early.device_time_us)
+            is_followed = self._pressing > 0.0 and compiled.follow(self._buffer)  # from the last frame on
+            payload = compiled.follow_early(*sample) if is_followed else None
+        return None if payload is True else payload

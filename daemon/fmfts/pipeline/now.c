@@ -217,16 +217,20 @@ void fmfts_read_early(const fmfts_pose_parameters *parameters, unsigned gain_cod
     }
 }
 
-bool fmfts_comes_next(const fmfts_pose_parameters *parameters, const int64_t *taken_us, const fmfts_motion_memory *memory,
-                      const fmfts_early *early)
+bool fmfts_is_new(const fmfts_pose_parameters *parameters, const int64_t *taken_us, const fmfts_early *early)
 {
     double sum = early->field_t[0] + early->field_t[1] + early->field_t[2];
     if (early->sensor < 0 || early->sensor >= (int)parameters->sensors || !isfinite(sum)) {
         return false;
     }
     int64_t ahead_us = early->time_us - fmfts_latest((size_t)parameters->sensors, taken_us);
-    return early->time_us > taken_us[early->sensor] && (double)ahead_us <= FMFTS_LONGEST_LEAD_S * 1e6 &&
-           fmfts_is_next(memory, early->sensor, (double)early->time_us);
+    return early->time_us > taken_us[early->sensor] && (double)ahead_us <= FMFTS_LONGEST_LEAD_S * 1e6;
+}
+
+bool fmfts_comes_next(const fmfts_pose_parameters *parameters, const int64_t *taken_us, const fmfts_motion_memory *memory,
+                      const fmfts_early *early)
+{
+    return fmfts_is_new(parameters, taken_us, early) && fmfts_is_next(memory, early->sensor, (double)early->time_us);
 }
 
 bool fmfts_take_early(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_early *early, fmfts_reading *reading)

@@ -73,6 +73,9 @@ double fmfts_publish_us(const fmfts_parameters *parameters, int64_t sequence, in
 
 /* now.c: whether the sample is this pad's, and follows the samples of the last frame, taken_us, at a plausible
  * distance. */
+bool fmfts_is_new(const fmfts_pose_parameters *parameters, const int64_t *taken_us, const fmfts_early *early);
+
+/* now.c: the same, and whether it follows those that came before their frame. */
 bool fmfts_comes_next(const fmfts_pose_parameters *parameters, const int64_t *taken_us, const fmfts_motion_memory *memory,
                    const fmfts_early *early);
 
