@@ -173,10 +173,10 @@ class CoreRegisters:
     def in_handler(self) -> bool:
         return bool(self._active)
 
-    def take_interrupt(self, primask: bool) -> bool:
+    def take_interrupt(self) -> bool:
         """Enter the handler of the most urgent exception, if there is one."""
         number = self._next() if self._pending & self._enabled else None
-        if number is None or (primask and number not in FIXED_PRIORITY):
+        if number is None or (number not in FIXED_PRIORITY and self.machine.engine.primask):
             return False
         self._pending &= ~(1 << number)
         self._active.append(number)

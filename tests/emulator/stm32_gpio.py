@@ -19,6 +19,7 @@ class Gpio:
     """`wire(pin, …)` connects a pin to something that receives the port's level and returns the resulting one."""
 
     def __init__(self) -> None:
+        self._free = 0xFFFF  # pins to which nothing is wired
         self._levels: dict[int, Callable[[], bool]] = {}
         self._listeners: dict[int, Callable[[bool | None], None]] = {}
         self.reset()
@@ -30,6 +31,7 @@ class Gpio:
 
     def wire(self, pin: int, level: Callable[[], bool], driven: Callable[[bool | None], None]) -> None:
         self._levels[pin], self._listeners[pin] = level, driven
+        self._free &= ~(1 << pin)
 
     def is_alternate(self, pin: int, open_drain: bool) -> bool:
         mode = self._configuration[pin]
@@ -42,14 +44,14 @@ class Gpio:
             return None
         return high
 
-    def _level(self, pin: int) -> bool:
-        if pin in self._levels:
-            return self._levels[pin]()
+    def _unwired(self, pin: int) -> bool:
+        """The level of a pin to which nothing is connected."""
         driven = self._driven(pin)
         pulled_up = self._configuration[pin] == PULLED_INPUT and bool(self._output >> pin & 1)
         return pulled_up if driven is None else driven
 
     def _tell(self) -> None:
+        self._alone = sum(self._unwired(pin) << pin for pin in range(16))
         for pin, listener in self._listeners.items():
             listener(self._driven(pin))
 
@@ -58,7 +60,7 @@ class Gpio:
             first = 8 if offset == CRH else 0
             return sum(self._configuration[first + i] << 4 * i for i in range(8))
         if offset == IDR:
-            return sum(self._level(pin) << pin for pin in range(16))
+            return self._alone & self._free | sum(level() << pin for pin, level in self._levels.items())
         return self._output if offset == ODR else 0
 
     def write(self, offset: int, value: int) -> None:

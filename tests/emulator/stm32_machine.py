@@ -154,7 +154,7 @@ class Machine:
             self._attend = False
             if self._reset_requested:
                 self._reset_now(self._reset_requested)
-            if self.core.take_interrupt(self.engine.primask):
+            if self.core.take_interrupt():
                 self._sleeping = False
             masked = self.core.waiting()
             if self._sleeping and not masked:
