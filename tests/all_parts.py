@@ -32,7 +32,9 @@ BOUNDED = [*PYTEST, "-o", f"faulthandler_timeout={TEST_LIMIT_S}", "-o", "faultha
 TURN_S = 0.5
 OF_FUNCTIONS = ["tests/unit", "tests/skin", "tests/oracle", "tests/golden"]
 BY_FILES = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in tests/conftest.py's order, not by their counts
-WHOLE = ["--dist", "worksteal", *(word for folder in OF_FUNCTIONS for word in ("--ignore", folder))]
+WHOLE = [word for folder in OF_FUNCTIONS for word in ("--ignore", folder)]
+BY_STEALING = ["--dist", "worksteal"]
+ONE_BY_ONE = ["--dist", "load", "--maxschedchunk", "1"]  # few tests, some long: none waits behind another long one
 # Tests of whole processes mostly wait, so that four share two cores. Tests that are judged by the clock come last, and
 # compute little; if this user may set priorities, other programs have to wait for them. Browsers and drills need a
 # processor.
@@ -41,8 +43,8 @@ PARTS = {
              ["-m", "mypy", "--num-workers", "2", "daemon", "lab", "extras", "clients/python",
               "clients/mujoco/fmfts_mujoco"]],
     "unit": [[*BOUNDED, "-n", "3", *BY_FILES, *OF_FUNCTIONS, "-m", "not long and not mutation"]],
-    "processes": [[*BOUNDED, "-n", "4", *WHOLE, "-m", "not real_time and not slow and not long and not mutation"]],
-    "clock": [[*BOUNDED, "-n", "3", *WHOLE, "-m", "real_time and not slow"]],
+    "processes": [[*BOUNDED, "-n", "4", *BY_STEALING, *WHOLE, "-m", "not real_time and not slow and not long and not mutation"]],
+    "clock": [[*BOUNDED, "-n", "4", *ONE_BY_ONE, *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "-n", "1", "--ignore", "tests/unit", "-m", "slow"]],  # a worker, as a test's limit ends it
     "long": [[*PYTEST, "-n", "2", "tests/unit", "tests/skin", "tests/firmware", "-m", "long"]],
     "mutations": [[*BOUNDED, "-n", "3", "tests/unit", "tests/firmware", "-m", "mutation"]],
