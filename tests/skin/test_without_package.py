@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from fmfts.config import sources
-from fmfts.config.recorded import recorded_pad
+from fmfts_recording.pad_config import recorded_pad
 from fmfts_skin.settings import AnyskinSource
 
 
@@ -28,7 +28,7 @@ def test_package_that_cannot_be_loaded_is_reported_and_skipped(
 SCRIPT = """
 import importlib.metadata
 importlib.metadata.entry_points = lambda **_: ()
-from fmfts.config.recorded import recorded_pad
+from fmfts_recording.pad_config import recorded_pad
 recorded_pad({"name": "skin", "source": {"type": "anyskin", "port": "/dev/null"}})
 """
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from fmfts.contact import ContactEstimate, ContactModel
 from fmfts.contact.contract import parse_response
-from fmfts.contact.response import bound_of
 from fmfts.contact.shipped import DEFAULT_PATH
 from fmfts.pad import Pad
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.bounds import bound_of
 from fmfts_calibrate.dataset import read_calibration_set, standard_pad
 from fmfts_calibrate.tracked import FrameSolver, Tracked
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of

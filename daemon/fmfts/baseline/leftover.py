@@ -161,12 +161,12 @@ class Leftover:
         return errors
 
 
-def fewest_causes(errors: Array, most: int = MOST_CAUSES) -> Array:
-    """(R, ≤ most) errors of other independent causes, with the covariance of `errors` (R, M), but for the least."""
-    if errors.shape[1] <= most:
+def fewest_causes(errors: Array) -> Array:
+    """(R, ≤ MOST_CAUSES) errors of other causes, with the covariance of `errors` (R, M), but for the least."""
+    if errors.shape[1] <= MOST_CAUSES:
         return errors
     _, size, directions = singular_values(errors.T)
-    return np.asarray((directions * size)[:, :most], dtype=np.float64)
+    return np.asarray((directions * size)[:, :MOST_CAUSES], dtype=np.float64)
 
 
 def _around_half_a_press(rest: State) -> Iterator[tuple[State, State]]:

@@ -174,19 +174,3 @@ def require_known_magnets(pad: PadConfig) -> None:
             f"the magnets of pad {pad.name!r} are unknown, and this verb is for pads with one that is known: "
             "docs/anyskin.md says what such a pad can do",
         )
-
-
-def configured_or_standard_pad(options: argparse.Namespace, several: bool = False) -> PadConfig:
-    """The configured pad; without any configuration, the standard pad. Raises VerbError."""
-    from fmfts.config import PadConfig, SimulatedSource
-    from fmfts.config.file import is_there_any
-
-    if options.config is None and options.pad is None and not is_there_any():
-        log.info("no configuration: the standard pad")
-        return PadConfig(name="standard", source=SimulatedSource())
-    return configured_pad(options, several)
-
-
-def configured_pads(options: argparse.Namespace) -> tuple[PadConfig, ...]:
-    """All pads of the file that `--config` names."""
-    return configuration(options).pad

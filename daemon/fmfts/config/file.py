@@ -83,9 +83,9 @@ def _first_magnet_apart(data: dict[str, Any]) -> dict[str, Any]:
     return data
 
 
-def is_there_any(environ: Mapping[str, str] = os.environ) -> bool:
+def is_there_any() -> bool:
     """Whether a configuration exists in the default places."""
-    return bool(environ.get(ENVIRONMENT)) or any(candidate.exists() for candidate in DEFAULT_PATHS)
+    return bool(os.environ.get(ENVIRONMENT)) or any(candidate.exists() for candidate in DEFAULT_PATHS)
 
 
 def _told(file: Path, wrong: Sequence[str]) -> str:

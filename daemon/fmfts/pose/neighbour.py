@@ -1,24 +1,22 @@
 """Neighbouring pads' magnets for a pad with several: where they are, and by how much they change its field.
 
 Such a pad does not solve them, but considers them: it subtracts the change, and widens the covariance of its field
-(`change_of`). A pad with one magnet solves them: neighbour.c; and so does `fmfts-daemon pose` (`joined`). beside.c has
-the equations.
+(`change_of`). A pad with one magnet solves them: neighbour.c. beside.c has the equations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import chain
+from dataclasses import dataclass
 
 import numpy as np
 
 from fmfts.arithmetic.matrix import added
 from fmfts.pad import Array, Magnet, Placement, SensorArray
 from fmfts.pose import _alignment
-from fmfts.pose.problem import Part, Parts, Prior, magnet_rows
-from fmfts.pose.sighting import COLUMNS, Sighting, where_of
-from fmfts.pose.state import NEIGHBOUR_VALUES, SIZE, State
+from fmfts.pose.problem import magnet_rows
+from fmfts.pose.sighting import COLUMNS, Sighting
+from fmfts.pose.state import NEIGHBOUR_VALUES
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,31 +77,3 @@ def change_of(sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> tuple[
     """
     effects = [other.effect(sensors) for other in seen]
     return added([change_t for _, change_t, _ in effects]), added([covariance for _, _, covariance in effects])
-
-
-def with_rest(field_t: Array, sensors: SensorArray, seen: Sequence[NeighbourEstimate]) -> Array:
-    """Add the field of the neighbours at rest, which the baseline subtracted, to the field (N, 3) T again."""
-    return field_t + sum(other.effect(sensors)[0] for other in seen)
-
-
-def joined(start: State, parts: Parts, prior: Prior, seen: Sequence[NeighbourEstimate]) -> tuple[State, Parts, Prior]:
-    """Add the neighbours to start, parts and prior of a problem."""
-    now = tuple(chain.from_iterable(where_of(other.now) for other in seen))
-    columns = SIZE + COLUMNS * len(now)
-    covariance = np.zeros((columns, columns))
-    covariance[:SIZE, :SIZE] = prior.covariance
-    first = SIZE
-    for other in seen:
-        own = slice(first, first + len(other.covariance))
-        covariance[own, own], first = other.covariance, own.stop
-    others = np.full(COLUMNS * len(now), Part.PRIOR, dtype=parts.dtype)
-    return (
-        replace(start, neighbours=now),
-        np.concatenate([parts, others]),
-        Prior(replace(prior.mean, neighbours=now), covariance),
-    )
-
-
-def their_magnets(seen: Sequence[NeighbourEstimate]) -> list[Magnet]:
-    """The neighbours that `joined` adds, in its order."""
-    return [magnet for other in seen for magnet in other.magnets]

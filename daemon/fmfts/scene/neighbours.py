@@ -12,8 +12,6 @@ from fmfts.arithmetic.matrix import lengths
 from fmfts.config import PadConfig, neighbours_of
 from fmfts.pad import Placement
 from fmfts.pose._alignment import REACH_M, REACH_RAD
-from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView
-from fmfts.pose.sighting import Sighting
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +57,3 @@ def neighbours_around(pad: PadConfig, pads: Sequence[PadConfig]) -> Iterator[Sce
             changes.append(one.magnet.strength_t_m3 / power(distance, 3) * share)
         apart = min(float(lengths(own - place).min()) for place in places)
         yield SceneNeighbour(other.name, placement, len(magnets), apart, sum(changes), drawing.chip.noise_t)
-
-
-def neighbours_at_rest(pad: PadConfig, pads: Sequence[PadConfig]) -> list[NeighbourEstimate]:
-    """The neighbours that `pad` names, with the uncertainty of magnets that no pad has observed yet."""
-    views = []
-    for other in neighbours_of(pad, pads):
-        placement = other.placement.si().seen_from(pad.placement.si())
-        views.append(NeighbourView(Sighting.unseen(other.pad()), placement).at(0))
-    return views

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmfts.contact.contract import ErrorTables
-from fmfts.contact.response import SHARE_OF_CONE, Response, answer_by_change
+from fmfts.contact.response import SHARE_OF_CONE, Response
 from fmfts.pad import Array
+from fmfts_calibrate.bounds import answer_by_change
 from fmfts_calibrate.evaluation import ForceBins, tables_of_squares
 from fmfts_calibrate.fitting import left_out_residuals
 from fmfts_calibrate.samples import Samples

@@ -23,11 +23,12 @@ from fmfts.pose import (
     parts_of,
     solve,
 )
-from fmfts.pose.neighbour import NeighbourEstimate, joined, their_magnets, with_rest
+from fmfts.pose.neighbour import NeighbourEstimate
 from fmfts.pose.state import GRADIENT
 from fmfts.sensor.chips import NOISE_T
 from fmfts_calibrate.field_table import FieldTable, mounting_of, read
 from fmfts_calibrate.field_units import require_unit
+from fmfts_calibrate.neighbours import joined, their_magnets, with_rest
 
 POSE_NAMES = ("a_mm", "b_mm", "c_mm", "m", "n", "p", "remanence_t")
 AMBIENT_NAMES = ("ambient_x_ut", "ambient_y_ut", "ambient_z_ut")

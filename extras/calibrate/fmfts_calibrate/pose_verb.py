@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_pad, configured_pads, not_written
+from fmfts.cli.verb import AddVerb, VerbError, configuration, configured_pad, not_written
 from fmfts.common import exit_codes
 
 
@@ -42,8 +42,8 @@ def add_to(verb: AddVerb) -> None:
 
 
 def _pose(options: argparse.Namespace) -> int:
-    from fmfts.scene.neighbours import neighbours_at_rest
     from fmfts_calibrate import field_table
+    from fmfts_calibrate.neighbours import neighbours_at_rest
     from fmfts_calibrate.pose import PoseOptions, read_fields, solve_table
 
     pad_config = configured_pad(options)
@@ -59,7 +59,7 @@ def _pose(options: argparse.Namespace) -> int:
             options.unknowns,
             options.octupole,
             options.gradient_ut_per_mm * 1e-3,
-            neighbours_at_rest(pad_config, configured_pads(options)) if options.neighbours else (),
+            neighbours_at_rest(pad_config, configuration(options).pad) if options.neighbours else (),
         )
         columns = solve_table(table, pad, pose_options)
         if options.output is None:

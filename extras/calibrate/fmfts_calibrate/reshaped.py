@@ -19,9 +19,10 @@ import numpy as np
 from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.contact import silicone
 from fmfts.contact.contract import ErrorTables, Facts
-from fmfts.contact.response import CHANGE, Response, answer_by_change
+from fmfts.contact.response import CHANGE, Response
 from fmfts.pad import Array
 from fmfts_calibrate.array_correction import KINDS, SCALARS
+from fmfts_calibrate.bounds import answer_by_change
 from fmfts_calibrate.evaluation import tables_of_squares
 from fmfts_calibrate.network import ContactNetwork
 from fmfts_calibrate.samples import Samples, presses_in_bins

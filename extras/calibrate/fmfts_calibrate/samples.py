@@ -8,8 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from fmfts.contact.response import Response, bound_of
+from fmfts.contact.response import Response
 from fmfts.pad import Array
+from fmfts_calibrate.bounds import bound_of
 from fmfts_calibrate.tracked import FrameSolver, upright
 
 # Largest force of training, relative to the calibrated one: the estimate must still rise in the range of "over range".

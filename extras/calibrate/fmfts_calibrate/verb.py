@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fmfts.cli.verb import (
     AddVerb,
     VerbError,
-    configured_or_standard_pad,
+    configured_pad,
     ended_by,
     lacking,
     refuse_options,
@@ -20,6 +22,11 @@ from fmfts.common import exit_codes
 from fmfts_calibrate import correct_verb, several_verb
 from fmfts_calibrate.kinds import OF_PRESSES, calibration_of_model, calibration_of_set, require_one_file
 from fmfts_calibrate.workers import add_workers, workers_of
+
+if TYPE_CHECKING:
+    from fmfts.config import PadConfig
+
+log = logging.getLogger("fmfts")
 
 
 def add_calibrate(verb: AddVerb) -> None:
@@ -110,13 +117,24 @@ def _add_shared(added: argparse.ArgumentParser) -> None:
     added.add_argument("--json", action="store_true", help="print facts as JSON")
 
 
+def _pad(options: argparse.Namespace) -> PadConfig:
+    """The configured pad; without any configuration, the standard pad. Raises VerbError."""
+    from fmfts.config import PadConfig, SimulatedSource
+    from fmfts.config.file import is_there_any
+
+    if options.config is None and options.pad is None and not is_there_any():
+        log.info("no configuration: the standard pad")
+        return PadConfig(name="standard", source=SimulatedSource())
+    return configured_pad(options, several=True)
+
+
 def _calibrate(options: argparse.Namespace) -> int:
     if not options.correct:
         refuse_options(options, OF_PRESSES, "is for --correct alone: add that, or leave it out")
     if (other := calibration_of_set(options.data)) is not None:
         return other.calibrate(options, _noise_t(options))
     require_one_file(options)
-    pad = configured_or_standard_pad(options, several=True)
+    pad = _pad(options)
     if pad.other_magnets:
         return several_verb.calibrate(options, pad, _noise_t(options))
     if options.correct:
@@ -167,7 +185,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     if options.model is not None and (other := calibration_of_model(Path(options.model))) is not None:
         return other.evaluate(options, _noise_t(options))
     require_one_file(options)
-    pad = configured_or_standard_pad(options, several=True)
+    pad = _pad(options)
     if pad.other_magnets:
         return several_verb.evaluate(options, pad, _noise_t(options))
     try:

@@ -26,13 +26,13 @@ from fmfts.baseline import Baseline, BaselineError
 from fmfts.bus.frame_message import frame_of
 from fmfts.bus.messages import FrameMessage, StateMessage
 from fmfts.config import PadConfig
-from fmfts.config.recorded import recorded_pad
 from fmfts.contact import ContactModel, ModelError
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.configured import load_contact_model
 from fmfts.pose import PAPER, Status, solve
 from fmfts.sensor import Frame
 from fmfts_client import EndpointError, Subscription
+from fmfts_recording.pad_config import recorded_pad
 
 INTERVAL_S = 1.0 / 40.0  # as often as the page draws
 LEAST_AXES = 6  # as many as there are unknowns

@@ -20,10 +20,10 @@ from fmfts.bus.messages import AnyMessage, ContactMessage, EventMessage, StateMe
 from fmfts.common.reading import damage_told
 from fmfts.common.writing import why_not_written
 from fmfts.config.pad_facts import pad_facts
-from fmfts.config.recorded import recorded_pad
 from fmfts_client import KEY_VARIABLE
 from fmfts_client.endpoints import OVERRIDE
 from fmfts_recording.file import RecordingError, read
+from fmfts_recording.pad_config import recorded_pad
 
 BEGINNING_S, ENDING_S = 20.0, 10.0
 LOOK_S = 0.02

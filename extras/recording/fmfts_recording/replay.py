@@ -16,7 +16,6 @@ from fmfts.bus.frame_message import early_of, frame_of
 from fmfts.bus.messages import ContactMessage, EarlyMessage, FrameMessage, StateMessage
 from fmfts.common.reading import damage_told
 from fmfts.config import PadConfig
-from fmfts.config.recorded import recorded_pad
 from fmfts.contact import ModelError
 from fmfts.contact.no_model import NO_MODEL, no_model_for
 from fmfts.contact.shipped import SHIPPED_PATHS
@@ -30,6 +29,7 @@ from fmfts.pipeline.configured import (
 from fmfts.pipeline.encoded import message_of
 from fmfts.pipeline.snapshot import restore
 from fmfts_recording.file import RecordingError, is_whole, read
+from fmfts_recording.pad_config import recorded_pad
 
 Key = tuple[str, str, int]  # boot, pad, number
 # Health of contacts that the source's silence causes, not a frame: a replay repeats them as recorded.

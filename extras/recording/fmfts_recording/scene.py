@@ -9,7 +9,6 @@ from typing import Any
 import msgspec
 
 from fmfts.config.pad_facts import pad_facts
-from fmfts.config.recorded import recorded_pad
 from fmfts_recording.finger_columns import FingerColumns
 from fmfts_recording.foxglove import (
     Arrow,
@@ -32,6 +31,7 @@ from fmfts_recording.foxglove import (
     turning,
     vector,
 )
+from fmfts_recording.pad_config import recorded_pad
 
 WORLD = "fmfts"  # the frame that all placements share
 SHOWN_HZ = 30.0

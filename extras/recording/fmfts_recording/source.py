@@ -13,11 +13,11 @@ from fmfts.bus.frame_message import frame_of as frame_of
 from fmfts.bus.messages import FrameMessage, StateMessage
 from fmfts.common.reading import damage_told, shortened
 from fmfts.config import PadConfig, ReplaySource
-from fmfts.config.recorded import recorded_pad
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.source import CannotError, SourceError, SourceState
 from fmfts_recording.file import RecordingError, read_in_parts
+from fmfts_recording.pad_config import recorded_pad
 
 # After a longer stall of this computer, playing continues at the same frame, later.
 LONGEST_STALL_NS = 100_000_000

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.contact import ContactModel
-from fmfts.contact.response import bound_of
 from fmfts.contact.tolerances import FINGER_M, PROBE_M, StructureTolerance
 from fmfts.pad import Array
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.bounds import bound_of
 from fmfts_calibrate.tracked import FrameSolver, Tracked, upright
 from fmfts_lab.bench.contact_answers import estimates
 from fmfts_lab.bench.workspace import standard_pad

@@ -14,8 +14,8 @@ from fmfts.bus.messages import ContactMessage, SlipMessage
 from fmfts.config import ContactConfig, PadConfig
 from fmfts.contact import ContactModel
 from fmfts.contact.refinement import Refiner
-from fmfts.contact.response import bound_of
 from fmfts.sensor.chips import NOISE_T
+from fmfts_calibrate.bounds import bound_of
 from fmfts_calibrate.samples import Samples
 from fmfts_calibrate.tracked import FrameSolver, upright
 from fmfts_lab.bench.drills import RATE_HZ, Ambient, pad_config

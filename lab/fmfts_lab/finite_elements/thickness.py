@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from fmfts.contact import ContactModel
-from fmfts.contact.response import answer_by_change
 from fmfts.contact.tolerances import RING_MM, THICKER_MM
 from fmfts.pad import Array
+from fmfts_calibrate.bounds import answer_by_change
 from fmfts_lab.bench.workspace import standard_pad
 from fmfts_lab.finite_elements.reciprocity import Influence
 from fmfts_lab.finite_elements.slab import Slab

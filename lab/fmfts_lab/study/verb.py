@@ -7,7 +7,7 @@ import json
 from importlib import import_module
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, VerbError, configured_pad, configured_pads, lacking, not_written
+from fmfts.cli.verb import AddVerb, VerbError, configuration, configured_pad, lacking, not_written
 from fmfts.common import exit_codes
 
 # Each is a module with `run(request: Request) -> Facts`, and `printed(facts: Facts) -> str`.
@@ -54,7 +54,7 @@ def _study(options: argparse.Namespace) -> int:
         raise lacking(error, "study") from error
     from fmfts_lab.study.harness import Request, say
 
-    of_all = options.out, options.quick, options.seed, configured_pads(options)
+    of_all = options.out, options.quick, options.seed, configuration(options).pad
     try:
         facts = study.run(Request(pad, *of_all, options.chips, options.controller))
     except KeyboardInterrupt:
