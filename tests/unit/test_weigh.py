@@ -145,6 +145,9 @@ def test_weigh_needs_baseline_one_magnet_and_shipped_model(bench: Bench) -> None
     )
     with pytest.raises(BaselineError, match="silicone is as calibrated"):
         Weighing(calibrated, WEIGHT_N).require(CONFIG.pad(), bench.baseline)
+    without = msgspec.structs.replace(CONFIG, contact=msgspec.structs.replace(CONFIG.contact, model="none"))
+    with pytest.raises(BaselineError, match=r'\[pad.contact\] model is "none"; to get forces, calibrate it'):
+        Weighing(without, WEIGHT_N).require(CONFIG.pad(), bench.baseline)
 
 
 def test_stiffness_survives_new_rest_and_widens_for_replaced_pad(bench: Bench, weighed: Baseline) -> None:

@@ -23,10 +23,11 @@ from fmfts.baseline.silicone import StoredSilicone
 from fmfts.bus.messages import ContactMessage
 from fmfts.config import PadConfig
 from fmfts.contact import ContactModel, ModelError
+from fmfts.contact.no_model import NoContactModel
 from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.contact.tolerances import PROBE_M, SHAPE_SHARE, StructureTolerance
 from fmfts.pad import Pad
-from fmfts.pipeline.configured import load_contact_model, pipeline_of
+from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.sensor import Frame
 
 # Default for an unknown cure: all published cures of Sylgard 184 (tolerances.py) are within two of these deviations of
@@ -105,9 +106,12 @@ class Weighing:
             raise BaselineError("only a pad with one known magnet can be weighed on: see docs/calibration.md")
         cannot_shear = msgspec.structs.replace(self.config.contact, friction=0.0, slip=False)
         try:
-            model = load_contact_model(msgspec.structs.replace(self.config, contact=cannot_shear))
+            model = contact_model_of(msgspec.structs.replace(self.config, contact=cannot_shear))
         except ModelError as error:
             raise BaselineError(f"weighing needs a contact model: {error}") from error
+        if isinstance(model, NoContactModel):
+            raise BaselineError(model.reason)
+        assert isinstance(model, ContactModel), "the pad has one known magnet"
         if model.response is None:
             raise BaselineError("the contact model holds no response of its pad: use one that `calibrate` wrote")
         if model.tolerance.force_share == 0.0:
