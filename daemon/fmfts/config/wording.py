@@ -57,8 +57,11 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any], whole: typ
     """
     what, keys = error.partition(" - at ")[0], keys_in(error)
     if missing := re.search(r"missing required field `(.*)`", what):
-        table = type_at(mended, keys, whole)
-        return f"{place(data, [*keys, missing[1]])} is missing: give {_allowed(_field_type(table, missing[1]))}"
+        kind = _field_type(type_at(mended, keys, whole), missing[1])
+        name = ".".join(key for key in (*keys, missing[1]) if isinstance(key, str))
+        shown = f"[[{name}]]" if isinstance(kind, inspect.VarTupleType) else f"[{name}]"
+        given = f"the table {shown}" if any(_tables(kind, name)) else _allowed(kind)
+        return f"{place(data, [*keys, missing[1]])} is missing: give {given}"
     if unknown := re.search(r"unknown field `(.*)`", what):
         dotted = ".".join(key for key in (*keys, unknown[1]) if isinstance(key, str))
         if dotted in whole.removed:
@@ -166,7 +169,8 @@ def value_shown(data: dict[str, Any], keys: Sequence[Key]) -> str:
     value = value_at(data, keys)
     if value is None or isinstance(value, dict):
         return ""
-    text = f" = {value if not isinstance(value, str) else repr(value)!s}"
+    shown = str(value).lower() if isinstance(value, bool) else repr(value) if isinstance(value, str) else str(value)
+    text = f" = {shown}"
     return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN - 1]}…"
 
 
