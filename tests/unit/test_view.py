@@ -140,6 +140,21 @@ def test_summary_counts_what_was_lost_detected_and_missing() -> None:
     assert "2 touches, hardest 2.50 N" in tally.sentence()
 
 
+def test_summary_of_an_unplugged_pad_says_why_and_tells_no_latency() -> None:
+    tally, sent = Tally("demo"), time.monotonic_ns()
+    for seq in range(3):
+        after = contact(
+            seq=seq,
+            health="disconnected",
+            reason="the port does not exist (is the board plugged in?)",
+            t_publish_ns=sent + seq * 50_000_000,
+            t_sample_ns=sent - 1_851_000_000,
+        )
+        tally.add(after)
+    assert tally.facts()["latency_max_s"] is None
+    assert tally.sentence().endswith("\ndisconnected: the port does not exist (is the board plugged in?)")
+
+
 def test_pad_that_was_never_sampled_has_no_latency() -> None:
     tally = Tally("demo")
     tally.add(contact(t_publish_ns=time.monotonic_ns(), t_sample_ns=0, health="disconnected"))

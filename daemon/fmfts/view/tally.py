@@ -7,6 +7,7 @@ from collections import defaultdict, deque
 from fmfts.view.history import History
 from fmfts_client import ALIVE_S, Contact, Finger, Status
 
+WITHOUT_FRAMES = "stale", "disconnected"  # such a message repeats the last frame's time
 WINDOW_NS = 1_000_000_000
 LATENCIES_KEPT = 100_000  # seven minutes at 220 Hz
 
@@ -40,7 +41,7 @@ class Tally:
         while contact.t_publish_ns - self._published_ns[0] > WINDOW_NS:
             self._published_ns.popleft()
         same_sample = before is not None and contact.t_sample_ns == before.t_sample_ns
-        if contact.t_sample_ns and not same_sample:
+        if contact.t_sample_ns and not same_sample and contact.health not in WITHOUT_FRAMES:
             self._latencies_s.append((contact.t_publish_ns - contact.t_sample_ns) * 1e-9)
         if before is not None:
             self._compare(before, contact)
@@ -64,7 +65,7 @@ class Tally:
     @property
     def rate_hz(self) -> float | None:
         """Rate of the messages of the last second; None if they only report that no frame comes."""
-        without_frames = self.contact is None or self.contact.health in ("stale", "disconnected")
+        without_frames = self.contact is None or self.contact.health in WITHOUT_FRAMES
         if without_frames or len(self._published_ns) < 2:
             return None
         return (len(self._published_ns) - 1) * 1e9 / (self._published_ns[-1] - self._published_ns[0])
@@ -111,7 +112,9 @@ class Tally:
             ", ".join(f"{health} {seconds:.1f} s" for health, seconds in sorted(self.health_s.items())),
             f"{self.restarts} restarts of the daemon" if self.restarts else "",
         ]
-        return f"pad {self.pad}: " + "; ".join(filter(None, parts))
+        last = self.contact
+        why = "" if last is None or last.health == "ok" or not last.reason else f"\n{last.health}: {last.reason}"
+        return f"pad {self.pad}: " + "; ".join(filter(None, parts)) + why
 
 
 def now_line(tally: Tally) -> str:
