@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fmfts.cli import next_step
+from fmfts.cli import direct, next_step
 from fmfts.cli.main import main
 from fmfts.common import exit_codes
 from fmfts.view.facts import print_facts
@@ -47,6 +47,17 @@ def test_each_verb_of_the_first_use_names_the_next(config: str, capsys: pytest.C
 def test_json_output_holds_facts_only(config: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["probe", "--json", "--config", config]) == 0
     assert "next" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("words", "pad"), [((), None), (("--config", "pad.toml"), "left"), (("--pad", "x"), "x")])
+def test_file_that_only_lies_here_names_no_pad_of_a_running_daemon(
+    config: str, words: tuple[str, ...], pad: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.chdir(Path(config).parent)
+    monkeypatch.setattr(direct, "ask_daemon", lambda verb, base, pad, **_: asked.append(pad) or {"pad": "right"})
+    assert main(["selftest", *words]) == 0
+    assert asked == [pad]
 
 
 def test_probe_of_one_pad_is_of_that_pad_alone(config: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -107,7 +107,9 @@ def through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str, 
     from fmfts.view.facts import print_facts
 
     config = configuration_if_any(options)
-    pad = options.pad or (config.pad[0].name if config is not None and len(config.pad) == 1 else None)
+    # A file that only lies here may be of another daemon.
+    named = config.pad if config is not None and options.config is not None else ()
+    pad = options.pad or (named[0].name if len(named) == 1 else None)
     with ended_by(*direct.ERRORS):
         facts = direct.ask_daemon(verb, _endpoint_in(config), pad, **arguments)
         is_running = facts is not None
