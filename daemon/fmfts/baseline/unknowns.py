@@ -102,16 +102,8 @@ class Unknowns:
         With H the second derivatives by independent errors of deviation one, the mean is ½ tr H, the variance ½ tr H².
         """
         root = cholesky(covariance)
-        here = self.predicted(scaled)[1]
-        bent = np.array(
-            [
-                product(
-                    self.predicted(scaled + error)[1] - here,
-                    self.deviation[:, None] * root,
-                )
-                for error in root.T
-            ]
-        )
+        here, errors = self.predicted(scaled)[1], self.deviation[:, None] * root
+        bent = np.array([product(self.predicted(scaled + error)[1] - here, errors) for error in root.T])
         mean, variance = np.trace(bent, axis1=0, axis2=2) / 2.0, square(bent).sum(axis=(0, 2)) / 2.0
         return np.asarray(np.sqrt(square(mean) + variance), dtype=np.float64)
 
@@ -136,12 +128,12 @@ class Unknowns:
         to_sensor = self.pad.sensors.axes.transpose(0, 2, 1)
         field = (product(to_sensor, (dipole + state.ambient_t)[:, :, None]))[:, :, 0]
         columns = np.zeros((count, 3, len(self.deviation)))
-        columns[:, :, 0:3] = product(to_sensor, by_position)
+        columns[:, :, 0:3] = moved = product(to_sensor, by_position)
         columns[:, :, 3:5] = product(to_sensor, by_axis, turn_derivative(start_axis, state.axis))
         columns[:, :, 5] = (product(to_sensor, dipole[:, :, None]))[:, :, 0]
         columns[:, :, 6:9] = to_sensor
         for sensor in range(count):
-            columns[sensor, :, 9 + 3 * sensor : 12 + 3 * sensor] = product(-to_sensor[sensor], by_position[sensor])
+            columns[sensor, :, 9 + 3 * sensor : 12 + 3 * sensor] = -moved[sensor]
         columns = product(matrix, columns)
         columns[:, :, 9 + 3 * count :] = sensitivity.columns(field)
         return product(matrix, field[:, :, None])[:, :, 0], columns.reshape(3 * count, -1)

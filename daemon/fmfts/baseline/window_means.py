@@ -15,7 +15,7 @@ from fmfts.arithmetic.elementary import square
 from fmfts.arithmetic.matrix import lengths
 from fmfts.baseline.recording import FEW_FRAMES, MINIMUM_FRAMES, BaselineError
 from fmfts.pose import Alignment
-from fmfts.sensor.frame import Frame
+from fmfts.sensor.frame import Frame, fields_of
 from fmfts.sensor.missing import SILENT, missing_sensors
 
 Array = NDArray[np.float64]
@@ -113,7 +113,10 @@ def _aligned(frames: Sequence[Frame]) -> tuple[Array, Array]:
     """Fields (K, N, 3) and their instants (K,) in µs."""
     span_us = frames[-1].device_time_us - frames[0].device_time_us
     alignment = Alignment(len(frames[0].valid), period_us=span_us / (len(frames) - 1))
-    pushed = [alignment.push(frame.field_t, frame.sampled_us, frame.fresh, frame.timed) for frame in frames]
+    pushed = [
+        alignment.push(field, frame.sampled_us, frame.fresh, frame.timed)
+        for field, frame in zip(fields_of(frames), frames, strict=True)
+    ]
     return np.array([one.field_t for one in pushed]), np.array([one.time_us for one in pushed], dtype=np.float64)
 
 
@@ -123,7 +126,7 @@ def _noise(frames: Sequence[Frame], stillest: float = 1.0) -> Array:
     Second differences show the noise (times √6) without a turn or a press; of a field that turns fast, only this share
     of them, where it moves least. How far it moves from the sample before to the one after shares no noise with them.
     """
-    fields, fresh = np.array([frame.field_t for frame in frames]), np.array([frame.fresh for frame in frames])
+    fields, fresh = fields_of(frames), np.array([frame.fresh for frame in frames])
     noise = np.array([_noise_of(fields[fresh[:, sensor], sensor], stillest) for sensor in range(fields.shape[1])])
     # Rounding to counts sets the lower limit of the noise.
     floored: Array = np.maximum(noise, frames[0].chip.coarseness_t(frames[0].gain_code) / np.sqrt(12.0))
