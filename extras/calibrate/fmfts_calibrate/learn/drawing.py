@@ -61,7 +61,7 @@ class Drawing:
         return np.concatenate(
             [
                 np.full(3, given.magnet_position_m),
-                np.full(2, given.magnet_tilt_rad),
+                np.full(2, given.tilt_rad),
                 [given.remanence, 2.0 * OCTUPOLE_SHARE * squares if self.free_octupole else 0.0],
                 np.full(count, given.sensor_position_m),
                 np.full(count, given.sensor_rotation_rad),
