@@ -12,6 +12,7 @@ from rough_world import SKETCH, bare_and_rest, fields, presses, rough_world
 
 from fmfts.baseline import Baseline, BaselineError, Mounting, encode, load, make_refined
 from fmfts.pad import Magnet, Pad, SensorArray
+from fmfts.pose.change import pad_turn_of
 from fmfts_calibrate.learn.drawing import FIRST_PLACE, Drawing
 from fmfts_calibrate.learn.fit import Bundle, Fields
 from fmfts_calibrate.learn.make import make_learned, spread_out
@@ -109,6 +110,24 @@ def test_file_keeps_what_was_learned(learned_pad: Made, tmp_path) -> None:  # ty
         geometry = msgspec.to_builtins(baseline.learned) | wrong
         with pytest.raises(msgspec.ValidationError):
             msgspec.convert(geometry, type(baseline.learned), strict=False)
+
+
+def test_drawing_allows_the_tilt_of_magnet_and_pad_together(pad: Pad) -> None:
+    drawing = Drawing(pad, replace(SKETCH, magnet_tilt_rad=0.003, pad_tilt_rad=0.004))
+    np.testing.assert_allclose(drawing.deviation[3:5], 0.005)
+
+
+def test_pad_turns_back_by_the_tilt_of_its_learned_magnet(learned_pad: Made) -> None:
+    """Learned chips may be turned together with their magnet, whose movement is in the same axes: no tilt is added."""
+    world, baseline, _, _ = learned_pad
+    tilting = msgspec.structs.replace(baseline, tolerance=baseline.tolerance | {"pad_tilt_rad": 0.02}).sealed()
+    mounting = tilting.mounting(world.pad)
+    assert mounting.leftover is not None
+    share = mounting.leftover.pad_share
+    assert share > 0.5
+    back = pad_turn_of(mounting.rest.axis, world.pad.rest_axis, share)
+    np.testing.assert_allclose(mounting.pad_turn, back, atol=1e-6)
+    assert np.abs(back - np.eye(3)).max() > 1e-3, "the test needs a tilt"
 
 
 @pytest.mark.long

@@ -31,7 +31,8 @@ HALF_A_PRESS = np.array([0.0, 0.0, -3e-4, 0.0, 0.0])
 class Leftover:
     """The baseline's uncertainty: the estimate `scaled` (M,) of the unknowns, and its covariance (M, M).
 
-    weight: (3N,) of the field values of a frame. pad_share: how much of the magnet's tilt is the whole pad's;
+    weight: (3N,) of the field values of a frame. told_of_tilt (2,): how much of a tilt the most probable one has, on
+    average; the chips have the rest, as a common rotation. pad_share: how much of the tilt is the whole pad's;
     unshared_tilt_rad: deviation of the pad's tilt if the magnet's is known.
     """
 
@@ -39,6 +40,7 @@ class Leftover:
     scaled: Array
     covariance: Array
     weight: Array
+    told_of_tilt: Array
     pad_share: float = 0.0
     unshared_tilt_rad: float = 0.0
 
@@ -104,26 +106,16 @@ class Leftover:
         return np.asarray(relative / typical[:, :, None], dtype=np.float64)
 
     def pad_turn(self) -> Array:
-        """See `Mounting.pad_turn`. The most probable tilt is too small, because a part of it is attributed to the
-        chips: a common rotation looks the same. That part is added."""
-        drawn, tilt = (
-            self.unknowns.pad.rest_axis,
-            self.unknowns.deviation[TILT] * self.scaled[TILT] / self._told_of_tilt,
-        )
+        """See `Mounting.pad_turn`."""
+        drawn, tilt = self.unknowns.pad.rest_axis, (self.unknowns.deviation * self.scaled)[TILT] / self.told_of_tilt
         return pad_turn_of(turned(drawn, tilt), drawn, self.pad_share)
-
-    @property
-    def _told_of_tilt(self) -> Array:
-        """(2,) how much of a tilt the most probable one has, on average."""
-        told: Array = np.maximum(1.0 - np.diagonal(self.covariance)[TILT], TELLS_LITTLE)
-        return told
 
     def _errors_of_tilt(self) -> Array:
         """The error (3, 3, M + 2) of a unit movement along each axis, by each deviation of unknowns and of the pad's
         tilt.
         """
         axis = self.unknowns.pad.rest_axis
-        root = self._root[TILT] / np.sqrt(self._told_of_tilt)[:, None]
+        root = self._root[TILT] / np.sqrt(self.told_of_tilt)[:, None]
         tilts = np.hstack([self.pad_share * root, self.unshared_tilt_rad * np.eye(2)])
         (a, b, c), (u, v, w) = axis, product(tangent_basis(axis), tilts)
         x, y, z = b * w - c * v, c * u - a * w, a * v - b * u  # the turn: axis × movement of its end

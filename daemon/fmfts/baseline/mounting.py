@@ -162,7 +162,9 @@ def estimate_mounting(
     place_deviation = np.sqrt(np.diagonal(covariance)[9 : 9 + 3 * count]).reshape(count, 3)
     chi2 = float(np.sum(square(weight * misfit.ravel())) + product(scaled, unknowns.precision, scaled))
     told = np.maximum(1.0 - np.diagonal(scaled_covariance)[:5], TELLS_LITTLE)
-    shared = tolerance.tilts_given((unknowns.deviation[:5] * scaled[:5] / told)[TILT], told[TILT])
+    # Learned chips and their magnet may turn together; movements are in the turned axes, so that no tilt is missing.
+    of_tilt = told[TILT] if learned_m is None else np.ones(2)
+    shared = tolerance.tilts_given((unknowns.deviation * scaled)[TILT] / of_tilt, of_tilt)
     # A misfit that tolerances do not explain widens the pose's deviations in proportion (Birge's ratio: tracker.c).
     birge = max(chi2 / float(believed.sum()), 1.0)
     leftover = Leftover(
@@ -170,6 +172,7 @@ def estimate_mounting(
         scaled,
         scaled_covariance,
         np.where(believed, 1.0 / rest.noise_t.ravel(), 0.0),
+        of_tilt,
         *shared,
     )
     return Mounting(

@@ -206,7 +206,21 @@ def warming(rows: Rows) -> str:
     return markdown(columns, lines)
 
 
+def learned(rows: Rows) -> str:
+    """Of boards that nobody measured, beside the same with known places and rotations, the first row."""
+    lines = []
+    for seeds in rows:
+        over = (
+            spread((one[key] / known[key] for one, known in zip(seeds, rows[0], strict=True)), ".2f")
+            for key in ("place_error_m", "force_error_n")
+        )
+        refused = sum(sum(one["refused"].values()) for one in seeds)
+        lines.append((seeds[0]["kind"], *answers(seeds), *over, f"{refused} of {sum(one['pads'] for one in seeds)}"))
+    return markdown(("baseline", *ANSWERS, "mm over known", "N over known", "refused"), lines)
+
+
 TABLES = (
+    Table("learned.md", "learned", learned),
     Table("as-built.md", "as-built", as_built),
     Table("silicone.md", "silicone", imperfect),
     Table("silicone.md", "warming", warming),
