@@ -3,6 +3,9 @@
 #define FMFTS_SPLINE_H
 
 #include <stddef.h>
+#include <string.h>
+
+#include "wide.h"
 
 enum { FMFTS_COVERING = 4 }; /* B-splines that cover a place, along one axis */
 
@@ -48,6 +51,60 @@ static inline void fmfts_powers(double x, double most, size_t count, double *val
         slope[i] = (double)(i + 1) * power;
         power *= inside;
         value[i] = power + slope[i] * (x - inside);
+    }
+}
+
+enum { FMFTS_CELLS = FMFTS_COVERING * FMFTS_COVERING };
+
+/* What a sum over the cells that cover a place is weighted with. */
+enum { FMFTS_VALUE, FMFTS_BY_X, FMFTS_BY_Y, FMFTS_LAPLACIAN, FMFTS_KINDS };
+
+/* The cells of a table that cover a place, and the weight of each in every kind of sum. */
+typedef struct {
+    const double *cell[FMFTS_CELLS];
+    double weight[FMFTS_CELLS][FMFTS_KINDS];
+} fmfts_patch;
+
+/* table: `width` cells along y, of `numbers` each. */
+static inline void fmfts_cover_place(const double *table, size_t width, size_t numbers, const fmfts_splines *x, const fmfts_splines *y,
+                                     fmfts_patch *patch)
+{
+    for (size_t k = 0; k < FMFTS_CELLS; k++) {
+        size_t i = k / FMFTS_COVERING, j = k % FMFTS_COVERING;
+        patch->cell[k] = table + ((x->cell + i) * width + y->cell + j) * numbers;
+        patch->weight[k][FMFTS_VALUE] = x->value[i] * y->value[j];
+        patch->weight[k][FMFTS_BY_X] = x->slope[i] * y->value[j];
+        patch->weight[k][FMFTS_BY_Y] = x->value[i] * y->slope[j];
+        patch->weight[k][FMFTS_LAPLACIAN] = x->value[i] * y->second[j] + x->second[i] * y->value[j];
+    }
+}
+
+/* sum[kind · stride + i] = Σ_c weight[c][kind] · cell[c][i], of all numbers from `first` to `end`. The sums stay in registers if the
+ * compiler unrolls the kinds, which it does not do by itself. */
+static inline void fmfts_add_up(const fmfts_patch *patch, int kinds, size_t first, size_t end, double *sum, size_t stride)
+{
+    for (; first + FMFTS_LANES <= end; first += FMFTS_LANES) {
+        fmfts_four own[FMFTS_KINDS] = {{0.0}}, four;
+        for (size_t k = 0; k < FMFTS_CELLS; k++) {
+            memcpy(&four, patch->cell[k] + first, sizeof four);
+#pragma GCC unroll 4
+            for (int kind = 0; kind < kinds; kind++) {
+                own[kind] += patch->weight[k][kind] * four;
+            }
+        }
+#pragma GCC unroll 4
+        for (int kind = 0; kind < kinds; kind++) {
+            memcpy(sum + (size_t)kind * stride + first, &own[kind], sizeof own[kind]);
+        }
+    }
+    for (; first < end; first++) {
+        for (int kind = 0; kind < kinds; kind++) {
+            double own = 0.0;
+            for (size_t k = 0; k < FMFTS_CELLS; k++) {
+                own += patch->weight[k][kind] * patch->cell[k][first];
+            }
+            sum[(size_t)kind * stride + first] = own;
+        }
     }
 }
 

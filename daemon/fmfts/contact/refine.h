@@ -18,7 +18,7 @@ enum {
 /* coefficient: (knots[0] + 2) × (knots[1] + 2) × monomials × FMFTS_MOVED; exponent: monomials × loads, each at most
  * FMFTS_MAX_EXPONENT. */
 typedef struct {
-    size_t knots[2], monomials, loads;
+    size_t knots[2], monomials, loads, most_exponent;
     double first_mm[2], spacing_mm[2], scale_n;
     const int32_t *exponent;
     const double *coefficient;

@@ -41,6 +41,9 @@ bool fmfts_view_response(const void *content, size_t size, fmfts_response *respo
         if (response->exponent[i] < 0 || response->exponent[i] > FMFTS_MAX_EXPONENT) {
             return false;
         }
+        if ((size_t)response->exponent[i] > response->most_exponent) {
+            response->most_exponent = (size_t)response->exponent[i];
+        }
     }
     return true;
 }
@@ -50,21 +53,22 @@ static void cover(const fmfts_response *response, int axis, double place_mm, fmf
     fmfts_cover(&(fmfts_knots){response->first_mm[axis], response->spacing_mm[axis], response->knots[axis] - 1}, place_mm, along);
 }
 
-/* Monomials of the load, and their derivatives. Above scale_n, powers of the normal force follow their tangents. */
-static void monomials(const fmfts_response *response, const double *load, double *value,
-                      double slope[][FMFTS_MAX_LOADS])
+/* Monomials of the load, and their derivatives unless slope is NULL. Above scale_n, powers of the normal force follow their tangents. */
+FMFTS_INLINE void monomials(const fmfts_response *response, const double *load, double *value, double slope[][FMFTS_MAX_LOADS])
 {
     double power[FMFTS_MAX_LOADS][FMFTS_MAX_EXPONENT + 1], by_load[FMFTS_MAX_LOADS][FMFTS_MAX_EXPONENT + 1];
     for (size_t l = 0; l < response->loads; l++) {
         power[l][0] = 1.0;
         by_load[l][0] = 0.0;
-        fmfts_powers(load[l] / response->scale_n, l == 0 ? 1.0 : INFINITY, FMFTS_MAX_EXPONENT, power[l] + 1, by_load[l] + 1);
+        fmfts_powers(load[l] / response->scale_n, l == 0 ? 1.0 : INFINITY, response->most_exponent, power[l] + 1, by_load[l] + 1);
     }
     for (size_t m = 0; m < response->monomials; m++) {
         const int32_t *exponent = response->exponent + m * response->loads;
         value[m] = 1.0;
         for (size_t l = 0; l < response->loads; l++) {
             value[m] *= power[l][exponent[l]];
+        }
+        for (size_t l = 0; slope && l < response->loads; l++) {
             slope[m][l] = by_load[l][exponent[l]] / response->scale_n;
             for (size_t other = 0; other < response->loads; other++) {
                 slope[m][l] *= other == l ? 1.0 : power[other][exponent[other]];
@@ -73,62 +77,64 @@ static void monomials(const fmfts_response *response, const double *load, double
     }
 }
 
-/* with_slope is a constant at each call, so the compiler makes a version without slopes, which takes a fifth of the
- * time. */
-FMFTS_INLINE void respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
-                          double slope[FMFTS_MOVED][FMFTS_MAX_PRESS], bool with_slope)
+/* out[c · stride] = Σ_m weight[m · step] · sum[m][c] */
+static inline void weigh(const fmfts_response *response, const double *weight, size_t step, const double *sum, double *out, size_t stride)
 {
-    double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
-    fmfts_splines x, y;
-    cover(response, 0, press[0], &x);
-    cover(response, 1, press[1], &y);
-    monomials(response, press + 2, value, by_load);
-    memset(change, 0, sizeof(double[FMFTS_MOVED]));
-    if (with_slope) {
-        memset(slope, 0, sizeof(double[FMFTS_MOVED][FMFTS_MAX_PRESS]));
-    }
-    for (size_t i = 0; i < FMFTS_COVERING; i++) {
-        for (size_t j = 0; j < FMFTS_COVERING; j++) {
-            double here = x.value[i] * y.value[j], by_x = x.slope[i] * y.value[j], by_y = x.value[i] * y.slope[j];
-            const double *patch = response->coefficient + ((x.cell + i) * (response->knots[1] + 2) + y.cell + j) *
-                                                              response->monomials * FMFTS_MOVED;
-            for (size_t m = 0; m < response->monomials; m++) {
-                for (size_t c = 0; c < FMFTS_MOVED; c++) {
-                    double coefficient = patch[m * FMFTS_MOVED + c];
-                    change[c] += here * value[m] * coefficient;
-                    if (!with_slope) {
-                        continue;
-                    }
-                    slope[c][0] += by_x * value[m] * coefficient;
-                    slope[c][1] += by_y * value[m] * coefficient;
-                    for (size_t l = 0; l < response->loads; l++) {
-                        slope[c][2 + l] += here * by_load[m][l] * coefficient;
-                    }
-                }
-            }
+    double own[FMFTS_MOVED] = {0.0};
+    for (size_t m = 0; m < response->monomials; m++) {
+        for (size_t c = 0; c < FMFTS_MOVED; c++) {
+            own[c] += weight[m * step] * sum[m * FMFTS_MOVED + c];
         }
     }
+    for (size_t c = 0; c < FMFTS_MOVED; c++) {
+        out[c * stride] = own[c];
+    }
 }
 
-void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
+/* slope: NULL: only the change. That is a constant at each call, so the compiler makes a version without slopes. */
+FMFTS_INLINE void respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
+                          double slope[FMFTS_MOVED][FMFTS_MAX_PRESS])
+{
+    double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
+    double sum[FMFTS_LAPLACIAN][FMFTS_MAX_MONOMIALS * FMFTS_MOVED];
+    size_t numbers = response->monomials * FMFTS_MOVED;
+    fmfts_splines x, y;
+    fmfts_patch patch;
+    cover(response, 0, press[0], &x);
+    cover(response, 1, press[1], &y);
+    monomials(response, press + 2, value, slope ? by_load : NULL);
+    fmfts_cover_place(response->coefficient, response->knots[1] + 2, numbers, &x, &y, &patch);
+    fmfts_add_up(&patch, slope ? FMFTS_LAPLACIAN : FMFTS_VALUE + 1, 0, numbers, sum[0], FMFTS_MAX_MONOMIALS * FMFTS_MOVED);
+    weigh(response, value, 1, sum[FMFTS_VALUE], change, 1);
+    if (!slope) {
+        return;
+    }
+    weigh(response, value, 1, sum[FMFTS_BY_X], &slope[0][0], FMFTS_MAX_PRESS);
+    weigh(response, value, 1, sum[FMFTS_BY_Y], &slope[0][1], FMFTS_MAX_PRESS);
+    for (size_t l = 0; l < response->loads; l++) {
+        weigh(response, by_load[0] + l, FMFTS_MAX_LOADS, sum[FMFTS_VALUE], &slope[0][2 + l], FMFTS_MAX_PRESS);
+    }
+}
+
+FMFTS_WIDE void fmfts_respond(const fmfts_response *response, const double *press, double change[FMFTS_MOVED],
                    double slope[FMFTS_MOVED][FMFTS_MAX_PRESS])
 {
-    respond(response, press, change, slope, true);
+    respond(response, press, change, slope);
 }
 
-void fmfts_move(const fmfts_response *response, const double *press, double change[FMFTS_MOVED])
+FMFTS_WIDE void fmfts_move(const fmfts_response *response, const double *press, double change[FMFTS_MOVED])
 {
-    respond(response, press, change, NULL, false);
+    respond(response, press, change, NULL);
 }
 
 void fmfts_basis(const fmfts_response *response, const double *press, double *basis)
 {
-    double value[FMFTS_MAX_MONOMIALS], by_load[FMFTS_MAX_MONOMIALS][FMFTS_MAX_LOADS];
+    double value[FMFTS_MAX_MONOMIALS];
     size_t deep = response->knots[1] + 2, monomial = response->monomials;
     fmfts_splines x, y;
     cover(response, 0, press[0], &x);
     cover(response, 1, press[1], &y);
-    monomials(response, press + 2, value, by_load);
+    monomials(response, press + 2, value, NULL);
     memset(basis, 0, (response->knots[0] + 2) * deep * monomial * sizeof(double));
     for (size_t i = 0; i < 16; i++) {
         for (size_t m = 0; m < monomial; m++) {
