@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import msgspec
 import numpy as np
 
@@ -9,14 +11,18 @@ from fmfts.bus.messages import EarlyMessage, FrameMessage, KnownJoints
 from fmfts.common import possible
 from fmfts.sensor.chips import DEFAULT_CHIP, Chip
 from fmfts.sensor.early import EarlySample
-from fmfts.sensor.frame import Frame
+from fmfts.sensor.frame import Frame, bits
 from fmfts.sensor.joints import Joints
+
+READING = struct.Struct("<hhhH")  # counts and age, as in firmware/wire.md
 
 
 def frame_message(
     frame: Frame, pad: str, boot: str, utc_ns: int, used: bool = True, joints: Joints | None = None
 ) -> FrameMessage:
     """The message of a frame. used: whether the pipeline processed it. joints: those it used; None: no hand."""
+    gain_code, valid, fresh, packed = frame.packed  # mostly a board's bytes: arrays would take longer
+    readings = list(READING.iter_unpack(packed))
     return FrameMessage(
         pad=pad,
         boot=boot,
@@ -24,11 +30,11 @@ def frame_message(
         device_time_us=frame.device_time_us,
         host_time_ns=frame.host_time_ns,
         utc_ns=utc_ns,
-        gain_code=frame.gain_code,
-        counts=[(x, y, z) for x, y, z in frame.counts.tolist()],
-        age_us=frame.age_us.tolist(),
-        fresh=frame.fresh.tolist(),
-        valid=frame.valid.tolist(),
+        gain_code=gain_code,
+        counts=[(x, y, z) for x, y, z, _ in readings],
+        age_us=[age_us for *_, age_us in readings],
+        fresh=bits(fresh, len(readings)).tolist(),
+        valid=bits(valid, len(readings)).tolist(),
         temperature_c=frame.temperature_c,
         used=used,
         may_search=msgspec.UNSET if frame.may_search else False,

@@ -80,8 +80,6 @@ class Publisher:
         except Exception:
             self._bus.close()
             raise
-        # The base class's `send`, without pyzmq's handling of routes and groups, which takes longer than the send.
-        self._send_part = super(zmq.Socket, self._bus.zmq).send
         # Report each subscription, not only the first to a topic: a second recorder needs a state too.
         self._frames.zmq.setsockopt(zmq.XPUB_VERBOSE, 1)
 
@@ -98,8 +96,7 @@ class Publisher:
 
     def send_encoded(self, topic: bytes, payload: bytes) -> None:
         """Send a contact that is encoded already, and has only finite numbers."""
-        self._send_part(topic, NO_WAIT_AND_MORE)
-        self._send_part(payload, NO_WAIT)
+        _send(self._bus, topic, payload)
 
     @property
     def sockets(self) -> tuple[BoundSocket, ...]:
@@ -208,7 +205,10 @@ def contact_topic(pad: str) -> bytes:
 
 def _send(socket: BoundSocket, topic: bytes, payload: bytes) -> None:
     # XPUB never blocks: it drops messages for a slow subscriber. NOBLOCK would make a block an error.
-    socket.zmq.send_multipart((topic, payload), flags=zmq.NOBLOCK)
+    # The base class's `send`, without pyzmq's handling of routes and groups, which takes longer than the send.
+    send_part = super(zmq.Socket, socket.zmq).send
+    send_part(topic, NO_WAIT_AND_MORE)
+    send_part(payload, NO_WAIT)
 
 
 def _raw_topics(pad: str) -> tuple[str, ...]:

@@ -15,13 +15,9 @@ class HostClock:
 
     def __init__(self) -> None:
         self.restarts = 0
-        self._line = Record(_wire.CLOCK)
-        self._line.put("is_host", 1)
-
-    @property
-    def line(self) -> memoryview:
-        """What C learns from the packets that it handles itself: fmfts_clock_line."""
-        return self._line.buffer
+        line = Record(_wire.CLOCK)
+        line.put("is_host", 1)
+        self.line = line.buffer
 
     def found_empty(self, at_ns: int) -> None:
         """See DeviceClock; not needed here."""
@@ -40,20 +36,17 @@ class HostClock:
 class DeviceClock:
     """A free-running clock with `tolerance` (relative: 200e-6 for a crystal, 0.02 for an RC oscillator).
 
-    A new fixed_delay_ns, the known delay of every packet, is used from the next `restart` on.
+    A new fixed_delay_ns, the known delay of every packet, is used from the next `restart` on. line: what C learns from
+    the packets that it handles itself: fmfts_clock_line.
     """
 
     def __init__(self, tolerance: float = 0.02, fixed_delay_ns: int = 0) -> None:
         self.fixed_delay_ns = fixed_delay_ns
         self.restarts = -1
         self._line = Record(_wire.CLOCK)
+        self.line = self._line.buffer  # kept: to view it takes longer than to ask C
         self.tolerance = tolerance
         self.restart()
-
-    @property
-    def line(self) -> memoryview:
-        """What C learns from the packets that it handles itself: fmfts_clock_line."""
-        return self._line.buffer
 
     def found_empty(self, at_ns: int) -> None:
         """All bytes that arrived before `at_ns` were read: later ones have waited at most since then."""

@@ -58,7 +58,7 @@ class TimeGate:
         pad has its own."""
         before = self._numbers.get(counted)
         has_next_number = before is not None and is_next(number, before)
-        was_here_before = clock.has_begun and clock.is_plausible(device_us, arrival_ns) and device_us <= clock.newest_us
+        was_here_before = clock.has_begun and device_us <= clock.newest_us and clock.is_plausible(device_us, arrival_ns)
         is_admitted = self._admits(clock, device_us, arrival_ns, has_next_number)
         if is_admitted and (has_next_number or not was_here_before):
             self._numbers[counted] = number
@@ -91,9 +91,10 @@ class TimeGate:
 
     def _forget_if_it_went_on(self, clock: DeviceClock) -> None:
         """Plausible packets may have come that this gate never saw: the fast loop reads them."""
-        if clock.newest_us != self._newest_us:
+        newest_us = clock.newest_us
+        if newest_us != self._newest_us:
             self._forget()
-        self._newest_us = clock.newest_us
+            self._newest_us = newest_us
 
     def _is_no_evidence(self, device_us: int) -> bool:
         """Whether a strange packet is the last one's copy, or was overtaken by it."""
