@@ -212,6 +212,9 @@ def main() -> None:
     verb.add_argument(
         "--states", action="store_true", help="instead: by the state of its pad (faults, models, recorders)"
     )
+    verb.add_argument(
+        "--first", type=int, metavar="PADS", help="instead: the first frame after a fault, of so many pads"
+    )
     verb.set_defaults(run=frame_cost.run)
     verb = verbs.add_parser("resident", help="whether the daemon's memory grows, a row each minute")
     verb.add_argument("--pads", type=int, default=4)

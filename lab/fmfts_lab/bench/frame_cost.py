@@ -41,6 +41,9 @@ def run(options: argparse.Namespace) -> None:
     if options.beside is not None:
         frame_beside.run(options.beside)
         return
+    if options.first:
+        frame_states.run_first(options.first)
+        return
     if options.states:
         frame_states.run()
         return

@@ -32,12 +32,13 @@ from fmfts_client.endpoints import for_daemon
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.frame_whole import PERIOD_NS, Whole
 from fmfts_lab.bench.latency import pad_of
-from fmfts_lab.bench.overload_rig import random_finger
+from fmfts_lab.bench.overload_rig import beside_steel, random_finger
 from fmfts_simulation.baseline import simulated_baseline
 from fmfts_simulation.finger import Finger, no_finger, steady_finger
 from fmfts_simulation.source import Simulated
 
 SETTLED, FRAMES = 440, 880  # not measured, and measured
+AFTER_FAULT = 11  # frames
 OFFSET_COUNTS = 150  # 23 µT
 PRESS = steady_finger(2e-3, 1e-3, 0.8)
 RATE_HZ = 220
@@ -89,10 +90,7 @@ def _off(sample: Sample, number: int) -> Sample:
 
 
 def _steel(sample: Sample, number: int) -> Sample:
-    def spoil(counts: Any) -> None:
-        counts[:, 2] += np.array([300, -200, 250, -350], dtype=np.int16) if number > SETTLED // 2 else 0
-
-    return _with_counts(sample, spoil)
+    return beside_steel(sample) if number > SETTLED // 2 else sample
 
 
 STATES = (
@@ -123,6 +121,35 @@ def run() -> None:
             share = 100.0 * RATE_HZ * mean * 1e-6
             print(f"| {state.name} | {median:.0f} | {mean:.0f} | {100 * taken:.0f} | {share:.1f} |", flush=True)
         publisher.close()
+
+
+def run_first(repeats: int) -> None:
+    """The first frame after a fault that a pad did not have before, of fresh pads."""
+    print("| fault | first frame, median µs | largest | next ten, median of the largest |\n| --- | --- | --- | --- |")
+    with tempfile.TemporaryDirectory(prefix="fmfts-states-") as folder:
+        publisher = Publisher(for_daemon(f"ipc://{folder}"), "bench")
+        for state in STATES:
+            if state.spoil is None:
+                continue
+            costs_us = np.array([_after_fault(state, state.spoil, publisher) for _ in range(repeats)]) * 1e-3
+            first, later = costs_us[:, 0], costs_us[:, 1:].max(axis=1)
+            print(f"| {state.name} | {np.median(first):.0f} | {first.max():.0f} | {np.median(later):.0f} |", flush=True)
+        publisher.close()
+
+
+def _after_fault(state: State, spoil: Spoil, publisher: Publisher) -> list[int]:
+    """Nanoseconds of the frames after a fault began."""
+    source = Simulated(pad_of(0))
+    source.finger = state.finger
+    samples = rig.samples_of(source, (SETTLED + AFTER_FAULT) / RATE_HZ)
+    whole, costs_ns = Whole(msgspec.structs.replace(pad_of(0), source=BridgeSource(port="bench")), publisher), []
+    for number, sample in enumerate(samples):
+        line = encode(spoil(sample, number) if number >= SETTLED else sample)
+        begun = time.thread_time_ns()
+        if not whole.take(line, number * PERIOD_NS):
+            whole.take_in_python(line, number * PERIOD_NS)
+        costs_ns.append(time.thread_time_ns() - begun)
+    return costs_ns[SETTLED:]
 
 
 def measured(state: State, publisher: Publisher) -> tuple[list[int], float]:

@@ -42,6 +42,7 @@ LOADS = (
     Load(64, touched=True),
     Load(64, busy=4),
     Load(64, busy=4, realtime=20),
+    Load(64, disturbed=True),
 )
 ECHO_BYTES = 860
 COLUMNS = (

@@ -14,9 +14,11 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 import zmq
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from fmfts.sensor.wire.framing import encode
+from fmfts.sensor.wire.packets import Sample
 from fmfts_lab.bench import latency_rig as rig
 from fmfts_lab.bench.latency import pad_of
 from fmfts_simulation.finger import Finger, Touch
@@ -37,19 +39,23 @@ LOOK_S = 0.002
 
 @dataclass(frozen=True)
 class Load:
-    """busy: processes that only compute. duty: the share of time in which the measured process may run."""
+    """busy: processes that only compute. duty: the share of time in which the measured process may run. disturbed:
+    after a second, steel is beside every pad.
+    """
 
     pads: int
     busy: int = 0
     duty: float = 1.0
     realtime: int = 0
     touched: bool = False
+    disturbed: bool = False
 
     def __str__(self) -> str:
         extra = [f"{self.busy} busy"]
         extra += [f"own duty {100 * self.duty:.0f} %"] * (self.duty < 1.0)
         extra += [f"realtime {self.realtime}"] * (self.realtime > 0)
         extra += ["half of the pads touched"] * self.touched
+        extra += ["steel beside each"] * self.disturbed
         return f"{self.pads} pads, {', '.join(extra)}"
 
 
@@ -68,18 +74,29 @@ class Written:
 
 def recordings(load: Load, seconds: float) -> list[list[bytes]]:
     """The lines of each pad: untouched, or for half of the pads touched and released at random."""
-    quiet = lines(lambda _: Touch(0.0, 0.0, 0.0), seconds)
+    quiet = lines(lambda _: Touch(0.0, 0.0, 0.0), seconds, load.disturbed)
     if not load.touched:
         return [quiet] * load.pads
     tapped = [lines(random_finger(seed), seconds) for seed in range(8)]
     return [tapped[pad // 2 % len(tapped)] if pad % 2 else quiet for pad in range(load.pads)]
 
 
-def lines(finger: Finger, seconds: float) -> list[bytes]:
+def lines(finger: Finger, seconds: float, is_disturbed: bool = False) -> list[bytes]:
     """What a board sends, with the frame's number as its temperature (latency_rig.NUMBERS)."""
     source = Simulated(pad_of(0))
     source.finger = finger
-    return [encode(sample) for sample in rig.samples_of(source, seconds)]
+    samples = rig.samples_of(source, seconds)
+    return [
+        encode(sample if number < rig.RATE_HZ or not is_disturbed else beside_steel(sample))
+        for number, sample in enumerate(samples)
+    ]
+
+
+def beside_steel(sample: Sample) -> Sample:
+    """The sample with a field that no finger causes."""
+    counts = sample.counts.copy()
+    counts[:, 2] += np.array([300, -200, 250, -350], dtype=np.int16)
+    return replace(sample, counts=counts)
 
 
 def random_finger(seed: int) -> Finger:
