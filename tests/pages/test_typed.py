@@ -19,6 +19,7 @@ for one in every_command():
 # Pages whose reader starts with nothing, and needs no daemon.
 FROM_NOTHING = {"README.md", "docs/installing.md", "lab/README.md", "docs/fleet.md", "docs/security.md"}
 FROM_NOTHING |= {"CONTRIBUTING.md", "docs/build-a-pad.md", "docs/firmware.md", "clients/c/README.md"}
+FROM_NOTHING |= {"extras/simulation/README.md"}
 FROM_NOTHING |= {page for page in TYPED if page.startswith("lab/results/")}
 
 
