@@ -343,7 +343,6 @@ def _of_one_frame(pipeline: PadPipeline, before: Frame, frame: Frame) -> str:
 def _fingers(random: np.random.Generator) -> None:
     from several_world import fingers_of, measured_of, models_of
 
-    from fmfts.several.count import CounterMemory
     from fmfts.several.fit import Fitter
     from fmfts.several.free_poses import free_poses
     from fmfts.several.poses import poses_of
@@ -360,7 +359,7 @@ def _fingers(random: np.random.Generator) -> None:
         mounting.magnets.changed(np.zeros(5 * sizes[0]), mounting.frames)
         each = np.ones((sizes[1], 3))
         since = SinceRest(fitter.model.pad, mounting, np.inf * each, CONSTANT)
-        memory = FingersMemory(CounterMemory(), Recovery(np.zeros(each.size)))
+        memory = FingersMemory(Recovery(np.zeros(each.size)))
         since.begin(None, memory, 0.01)
         aligned = Aligned(each, np.ones((sizes[1], 1)), 0.0 * each, 0, np.zeros(each.shape, dtype=np.int64))
         since.measured(aligned, (), memory, np.zeros(each.size))

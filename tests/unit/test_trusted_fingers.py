@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmfts.several.count import CounterMemory
 from fmfts.several.reading import FingersMemory, FingersReading
 from fmfts.several.recovery import Recovery
 from fmfts.several.trust import SETTLED_FRAMES, trusted
@@ -20,7 +19,7 @@ def pressed() -> FingersReading:
 
 @pytest.fixture
 def memory() -> FingersMemory:
-    return FingersMemory(CounterMemory(), Recovery(np.zeros(24)))
+    return FingersMemory(Recovery(np.zeros(24)))
 
 
 def test_fingers_are_trusted_again_after_ten_frames_explained(pressed: FingersReading, memory: FingersMemory) -> None:

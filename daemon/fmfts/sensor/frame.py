@@ -14,6 +14,7 @@ from fmfts.sensor.chips import DEFAULT_CHIP, Chip
 from fmfts.sensor.joints import Joints
 
 AGE_UNKNOWN_US = 65535
+READING = np.dtype("<i2")
 READING_BYTES = 8
 
 
@@ -64,9 +65,9 @@ class Frame:
     @property
     def packed(self) -> Packed:
         """The same as the compiled path reads it."""
-        readings = np.empty((len(self.counts), 4), "<i2")
+        readings = np.empty((len(self.counts), 4), READING)
         readings[:, :3] = self.counts
-        readings[:, 3] = self.age_us.view(np.int16)
+        readings[:, 3] = self.age_us  # its bytes
         return self.gain_code, mask_of(self.valid), mask_of(self.fresh), readings.tobytes()
 
     @property

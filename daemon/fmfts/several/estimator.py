@@ -70,7 +70,8 @@ class FingersEstimator:
         most_chi2 = np.minimum(limits, self._counter.searched_from)
         self._ordinary = OrdinaryReader(self.fitter, self._since_rest, most_chi2)
         self._cold = FingerCounter(self.fitter, rate_hz)
-        self.memory = FingersMemory(self._counter.memory, Recovery(np.zeros(mounting.gain.size)), last_c=warmth.rest_c)
+        untouched = Recovery(np.zeros(mounting.gain.size))
+        self.memory = FingersMemory(untouched, last_c=warmth.rest_c, counter=self._counter.memory)
         self._unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
         self._poses: tuple[FingersReading, Poses] | None = None  # of the last requested reading
         self._values_for_poses = needed_values(len(pad.magnets))

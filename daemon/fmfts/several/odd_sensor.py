@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from fmfts.pose.observable import FREE_FIELD
 from fmfts.several.count import CounterMemory, FingerCounter
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fitter, Measured
+from fmfts.several.recovery import RestMemory
 
 Array = NDArray[np.float64]
 
@@ -34,14 +35,7 @@ class Odd(NamedTuple):
     memory: CounterMemory
 
 
-class LeftOutMemory(Protocol):
-    """left_out: a sensor, −1: none. agrees_frames: for how many frames it has agreed with the others."""
-
-    left_out: int
-    agrees_frames: int
-
-
-def note_agreement(memory: LeftOutMemory, there: NDArray[np.bool_], rise: float) -> None:
+def note_agreement(memory: RestMemory, there: NDArray[np.bool_], rise: float) -> None:
     """Use a sensor that was left out again, when it has agreed for long enough. there (N, 3): the values that there
     are. rise: of χ² with it."""
     values = int(there[memory.left_out].sum())

@@ -47,9 +47,8 @@ class PosesEstimator:
         self._touch = TouchDetector(rate_hz, magnets=len(pad.magnets))
         self._fewest = taken_values(len(pad.magnets)) + FEWEST_SPARE
         values, numbers = mounting.gain.size, CHANGE * len(pad.magnets)
-        self.memory = PosesMemory(
-            np.zeros(numbers), np.zeros(values), Recovery(np.zeros(values)), self._touch.memory, last_c=warmth.rest_c
-        )
+        now_t, change, touch = np.zeros(values), np.zeros(numbers), self._touch.memory
+        self.memory = PosesMemory(Recovery(now_t), last_c=warmth.rest_c, change=change, now_t=now_t, touch=touch)
 
     def recall(self, memory: PosesMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""

@@ -15,32 +15,18 @@ from fmfts.several.fit import Fit
 from fmfts.several.free_poses import FreePoses
 from fmfts.several.measured import Measured
 from fmfts.several.poses import Poses
-from fmfts.several.recovery import Recovery
+from fmfts.several.recovery import RestMemory
 
 Array = NDArray[np.float64]
 
 
-@dataclass(slots=True)
-class FingersMemory:
-    """The memory from frame to frame. ambient_t (3,): the change of the ambient field since the baseline.
+@dataclass(slots=True, kw_only=True)
+class FingersMemory(RestMemory):
+    """The memory from frame to frame. more: for how many frames two fingers must still explain the field until a third
+    one counts as gone."""
 
-    unexplained: number of unexplained frames in a row, without those whose search is due. more: for how many frames two
-    fingers must still explain the field until a third one counts as gone. left_out: a sensor that contradicts all
-    others, −1: none. agrees_frames: for how many frames it has agreed. last_us: the board's time of the last frame.
-    last_c: the last known temperature. unsettled: how many more frames must be explained until fingers are trusted
-    again.
-    """
-
-    counter: CounterMemory
-    recovery: Recovery
-    ambient_t: Array = field(default_factory=lambda: np.zeros(3))
-    unexplained: int = 0
+    counter: CounterMemory = field(default_factory=CounterMemory)
     more: int = 0
-    left_out: int = -1
-    agrees_frames: int = 0
-    last_us: int | None = None
-    last_c: float | None = None
-    unsettled: int = 0
 
     @property
     def is_calm(self) -> bool:
@@ -81,22 +67,14 @@ class FingersReading(NamedTuple):
         return self.search != "due" and (self.health == "disturbed" or self.free is not None)
 
 
-@dataclass(slots=True)
-class PosesMemory:
-    """The memory of a pad without a table of presses. change (5M,): of the poses since rest. now_t
-    (3N,): by how much they change the field. The others as in FingersMemory."""
+@dataclass(slots=True, kw_only=True)
+class PosesMemory(RestMemory):
+    """The memory of a pad without a table of presses. change (5M,): of the poses since rest. now_t (3N,): by how much
+    they change the field."""
 
     change: Array
     now_t: Array
-    recovery: Recovery
     touch: TouchMemory = field(default_factory=TouchMemory)
-    ambient_t: Array = field(default_factory=lambda: np.zeros(3))
-    unexplained: int = 0
-    left_out: int = -1
-    agrees_frames: int = 0
-    last_us: int | None = None
-    last_c: float | None = None
-    unsettled: int = 0
 
 
 class PosesReading(NamedTuple):

@@ -1,8 +1,8 @@
-"""Pressed silicone recovers slowly: the rest of a press is no finger, and only roughly known."""
+"""What a pad with several magnets remembers, of fingers or of poses; and how pressed silicone recovers, slowly."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,3 +28,20 @@ class Recovery:
     def decay(self, elapsed_s: float) -> float:
         """What divides `recent_t` after this time."""
         return 1.0 + elapsed_s / (RECOVERY_S + self.held_s)
+
+
+@dataclass(slots=True)
+class RestMemory:
+    """ambient_t (3,): the change of the ambient field since the baseline. unexplained: number of unexplained frames in
+    a row, without those whose search is due. left_out: a sensor that contradicts all others, −1: none. agrees_frames:
+    for how many frames it has agreed. last_us: the board's time of the last frame. last_c: the last known temperature.
+    unsettled: how many more frames must be explained until they are trusted again."""
+
+    recovery: Recovery
+    ambient_t: Array = field(default_factory=lambda: np.zeros(3))
+    unexplained: int = 0
+    left_out: int = -1
+    agrees_frames: int = 0
+    last_us: int | None = None
+    last_c: float | None = None
+    unsettled: int = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,19 +16,9 @@ from fmfts.pose.neighbour import NeighbourEstimate, change_of
 from fmfts.several import _several
 from fmfts.several.arrays import doubles
 from fmfts.several.measured import Measured
-from fmfts.several.recovery import Recovery
+from fmfts.several.recovery import RestMemory
 
 Array = NDArray[np.float64]
-
-
-class RestMemory(Protocol):
-    """The part of an estimator's memory that is used here. ambient_t (3,): the change of the ambient field since the
-    baseline. last_c: the last temperature that was told. last_us: the board's time of the last frame."""
-
-    recovery: Recovery
-    ambient_t: Array
-    last_c: float | None
-    last_us: int | None
 
 
 class Warmth(NamedTuple):

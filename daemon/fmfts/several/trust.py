@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TypeVar
 
 from fmfts.several import reasons
-from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading
+from fmfts.several.reading import FingersReading, PosesReading
+from fmfts.several.recovery import RestMemory
 
 AnyReading = TypeVar("AnyReading", FingersReading, PosesReading)
 
@@ -14,7 +15,7 @@ AnyReading = TypeVar("AnyReading", FingersReading, PosesReading)
 SETTLED_FRAMES = 10
 
 
-def trusted(reading: AnyReading, memory: FingersMemory | PosesMemory, has_jumped: bool) -> AnyReading:
+def trusted(reading: AnyReading, memory: RestMemory, has_jumped: bool) -> AnyReading:
     """The reading of a frame as it may be published. has_jumped: some samples are from before a jump of the field, some
     from after it, and false fingers may explain both."""
     if reading.is_unexplained:

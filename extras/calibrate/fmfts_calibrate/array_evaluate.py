@@ -13,7 +13,7 @@ from fmfts.arithmetic.matrix import root_of_squares
 from fmfts.contact.array_model import ArrayModel
 from fmfts.pad import Array
 from fmfts.pose import Aligned
-from fmfts.several.count import CounterMemory, resultant
+from fmfts.several.count import resultant
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.reading import FingersMemory, FingersReading
@@ -85,7 +85,7 @@ def evaluate_array(data: ArraySet, model: ArrayModel, scene: Scene, rate_hz: flo
     found, deviation = np.full((2, len(data.press), columns), np.nan)
     chi2, ok, told = np.full(len(data.press), np.nan), np.zeros(len(data.press), dtype=np.bool_), list[Told]()
     for row, change_t in enumerate(data.change_t):
-        estimator.recall(FingersMemory(CounterMemory(), Recovery(np.zeros(3 * count))))
+        estimator.recall(FingersMemory(Recovery(np.zeros(3 * count))))
         field_t = (mounting.rest_field_t + mounting.offset_t + change_t.reshape(shape)) * mounting.gain
         aligned = Aligned(field_t, np.ones((count, 1)), np.zeros(shape), 0, np.zeros(shape, dtype=np.int64))
         reading = estimator.read(aligned, None, {})

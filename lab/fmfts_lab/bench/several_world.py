@@ -18,7 +18,7 @@ from fmfts.pad import Array, Pad, SensorArray, Tolerance, rotation_from_vector
 from fmfts.pose import Aligned
 from fmfts.pose.magnets import Magnets, field_of, rest_frames
 from fmfts.sensor.chips.hmc5983 import HMC5983
-from fmfts.several.count import CounterMemory, FingerCounter
+from fmfts.several.count import FingerCounter
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import MM, FieldModel, Scene
 from fmfts.several.fit import Fitter, Measured
@@ -173,7 +173,7 @@ def estimator_of(one: World) -> FingersEstimator:
 def read_once(one: World, change: Array, estimator: FingersEstimator | None = None) -> FingersReading:
     """A pad's result for one frame, without memory."""
     shape, estimator = one.gain.shape, estimator or estimator_of(one)
-    estimator.recall(FingersMemory(CounterMemory(), Recovery(np.zeros(one.gain.size))))
+    estimator.recall(FingersMemory(Recovery(np.zeros(one.gain.size))))
     field = one.sensed(change, one.ambient_t)
     aligned = Aligned(field, np.ones((shape[0], 1)), np.zeros(shape), 0, np.zeros(shape, dtype=np.int64))
     return estimator.read(aligned, None, {})
