@@ -68,7 +68,7 @@ def _asked(what: Literal["tell", "try_out"], content: bytes) -> bytes:
                 _look(what, content, answer)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        os.close(held)
+            os.close(held)
         ended = _ended(child, ends)
         said = os.pread(answer, os.fstat(answer).st_size, 0)
     except OSError as error:
