@@ -19,7 +19,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from fmfts.cli.verb import AddVerb, seconds
+from fmfts.cli.verb import AddVerb, VerbError, seconds
+from fmfts.common import exit_codes
 from fmfts.service.child import ENDING, START_S, child_daemon
 
 LAST_LINES = 20
@@ -60,7 +61,7 @@ def _environment(folder: Path, sockets: Path) -> dict[str, str]:
 
 
 def _sockets(folder: Path) -> Path:
-    """The folder that FMFTS_BUS names, else `folder`. SystemExit if a demo cannot serve there."""
+    """The folder that FMFTS_BUS names, else `folder`. VerbError if a demo cannot serve there."""
     from fmfts.bus.lock import BusError, serving_pid, socket_path
     from fmfts_client.endpoints import OVERRIDE, EndpointError, for_daemon, named_base
 
@@ -70,11 +71,15 @@ def _sockets(folder: Path) -> Path:
         endpoints = for_daemon()
         bus = socket_path(endpoints.bus)
         if bus is None:
-            raise SystemExit(f"demo: {OVERRIDE}={named} is no folder: give ipc:///absolute/directory, or unset it")
+            raise VerbError(
+                exit_codes.USAGE, f"{OVERRIDE}={named} is no folder: give ipc:///absolute/directory, or unset it"
+            )
         if serving_pid(endpoints.control) is not None:
-            raise SystemExit(f"demo: another fmfts-daemon serves {named}: stop it, or unset {OVERRIDE}")
+            raise VerbError(
+                exit_codes.UNAVAILABLE, f"another fmfts-daemon serves {named}: stop it, or unset {OVERRIDE}"
+            )
     except (BusError, EndpointError) as error:
-        raise SystemExit(f"demo: {error}") from error
+        raise VerbError(exit_codes.code_of(error), str(error)) from error
     if bus.is_socket():
         bus.unlink()  # left by a daemon that was killed; the new one would seem to serve already
     return bus.parent
@@ -200,7 +205,9 @@ def _config(options: argparse.Namespace, folder: Path) -> Path:
 
     if options.pad == "standard":
         if options.fingers == 2:
-            raise SystemExit("demo: one magnet cannot distinguish two fingers: --pad array has four (docs/several.md)")
+            raise VerbError(
+                exit_codes.USAGE, "one magnet cannot distinguish two fingers: --pad array has four (docs/several.md)"
+            )
         return EXAMPLE_PATH
     config = folder / "array.toml"
     text = ARRAY_PATH.read_text(encoding="utf-8")
@@ -211,5 +218,8 @@ def _config(options: argparse.Namespace, folder: Path) -> Path:
 if __name__ == "__main__":
     try:
         raise SystemExit(main())
+    except VerbError as refused:
+        print(f"demo: {refused}", file=sys.stderr)
+        raise SystemExit(refused.code) from None
     except KeyboardInterrupt:
         raise SystemExit(0) from None
