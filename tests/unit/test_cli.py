@@ -6,13 +6,14 @@ import os
 import re
 import subprocess
 import sys
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
 from fmfts.bus.messages import Health
+from fmfts.cli import elsewhere
 from fmfts.cli.elsewhere import OF_OPTION
 from fmfts.cli.main import EPILOG, main
 from fmfts.common import exit_codes
@@ -68,6 +69,7 @@ SLOW_LOG = """
 import sys, time, types
 import fmfts.service.log
 fmfts.service.log.select = types.SimpleNamespace(select=lambda *_: time.sleep(0.3))
+from fmfts.cli import elsewhere
 from fmfts.cli.elsewhere import OF_OPTION
 from fmfts.cli.main import EPILOG, main
 sys.exit(main(["run", "--config", sys.argv[1]]))
@@ -363,3 +365,16 @@ def test_word_like_no_verb_lists_them_all(capsys: pytest.CaptureFixture[str]) ->
     with pytest.raises(SystemExit):
         main(["xyzzy"])
     assert "the verbs are run, " in capsys.readouterr().err
+
+
+def test_package_of_another_version_stops_no_other_verb(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """pip installed this package anew and an extra not: each verb of every extra ended with a traceback."""
+    wrong, right = "fmfts.cli.verb:what_was_there_once", "fmfts_simulation.demo:add_to"
+    points = [EntryPoint("calibrate", wrong, elsewhere.VERBS), EntryPoint("demo", right, elsewhere.VERBS)]
+    monkeypatch.setattr(elsewhere, "entry_points_of", lambda group: points if group == elsewhere.VERBS else ())
+    assert main(["demo", "--fingers", "2"]) == exit_codes.USAGE
+    assert main(["calibrate", "set.csv"]) == exit_codes.UNAVAILABLE
+    assert "calibrate belongs to a package of its own; install it" in capsys.readouterr().err
+    assert "the verb 'calibrate' is left out: its package does not fit this version" in caplog.text

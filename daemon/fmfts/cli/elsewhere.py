@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,8 @@ from fmfts.common.extras import LABORATORY, added, entry_points_of
 
 if TYPE_CHECKING:
     from fmfts.config import Config
+
+log = logging.getLogger(__name__)
 
 VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 VIEWS = "fmfts.views"  # functions that `view` calls, by their package's extra
@@ -47,12 +50,23 @@ def add_to(verb: AddVerb, only_installed: bool = False) -> None:
     """Add their verbs. Called only if the command line names none of this package's: a look for packages takes time."""
     installed = {point.name: point for point in entry_points_of(VERBS)}
     for name, (text, _) in OF_VERB.items():
-        if name in installed:
-            installed.pop(name).load()(verb)
-        elif not only_installed:
+        point = installed.pop(name, None)
+        if point is not None and (add := _loaded(point)) is not None:
+            add(verb)
+        elif point is not None or not only_installed:
             verb(name, refuse, f"{text}{ABSENT}").add_argument("rest", nargs=argparse.REMAINDER)
     for point in installed.values():
-        point.load()(verb)
+        if (add := _loaded(point)) is not None:
+            add(verb)
+
+
+def _loaded(point: Any) -> Any:
+    """None if the package is of another version than this one: the verbs of others stay usable."""
+    try:
+        return point.load()
+    except (ImportError, AttributeError) as error:
+        log.warning("the verb %r is left out: its package does not fit this version: %s", point.name, error)
+        return None
 
 
 def refuse(options: argparse.Namespace) -> int:
