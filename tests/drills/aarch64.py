@@ -35,6 +35,10 @@ STATISTICS = "a long count of noise in plain Python"
 LEFT_OUT = {
     "contact_network.py::test_network_answers_like_onnxruntime_and_repeats": ONNXRUNTIME,
     "contact_network.py::test_onnxruntime_model_gives_the_same_answers": ONNXRUNTIME,
+    "contact_network.py::test_model_that_needs_much_memory_is_refused_before_it_is_loaded": ONNXRUNTIME,
+    "contact_network.py::test_model_without_weights_is_left_to_onnxruntime": ONNXRUNTIME,
+    "contact_network.py::test_graph_with_one_other_weight_is_left_to_onnxruntime": ONNXRUNTIME,
+    "contact_network.py::test_network_that_answers_otherwise_is_not_used": ONNXRUNTIME,
     "touch.py::test_false_contacts_of_noise_come_at_the_stated_rate": STATISTICS,
     "mean_residuals.py::test_healthy_noise_is_never_a_lasting_fault": STATISTICS,
     "clock.py::test_hour_of_a_crystal_that_warms_and_cools_is_followed": "minutes; a shorter drift is followed",
@@ -89,11 +93,42 @@ def wheel(tree: Path, folder: Path, sources: str | Path = ROOT) -> Path:
     return built
 
 
+ASK_THIS_MACHINE = '''"""Stands for the module that imports onnxruntime: this machine's Python asks it."""
+
+import subprocess
+import sys
+
+SCRIPT = """import sys
+from fmfts.contact import session
+try:
+    sys.stdout.buffer.write(getattr(session, sys.argv[1])(sys.stdin.buffer.read()))
+except Exception as error:
+    sys.exit(str(error))
+"""
+
+
+def asked(what, content):
+    ended = subprocess.run([sys.executable, "-c", SCRIPT, what], input=content, capture_output=True)
+    if ended.returncode != 0:
+        raise ValueError(ended.stderr.decode().strip().splitlines()[-1])
+    return ended.stdout
+
+
+def tell(content):
+    return asked("tell", content)
+
+
+def try_out(content):
+    return asked("try_out", content)
+'''
+
+
 def start_others_on_this_machine(folder: Path) -> None:
     """The emulated Python starts this machine's Python as `sys.executable`, without arm64's packages."""
     native = folder / "native-python"
     native.write_text(f'#!/bin/sh\nexec env -u PYTHONPATH -u LD_LIBRARY_PATH {sys.executable} "$@"\n')
     native.chmod(0o755)
+    (folder / "fmfts/contact/session.py").write_text(ASK_THIS_MACHINE)
     (folder / "sitecustomize.py").write_text(f"import sys\n\nsys.executable = {str(native)!r}\n")
 
 
