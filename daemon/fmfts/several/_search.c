@@ -81,7 +81,8 @@ FMFTS_FUNCTION(ordinary)
     const fmfts_fitter fitter = {&c.model, &search, c.work};
     found.valley = (fmfts_valley_found){0, array(&c, LEAST)};
     found.poses = (fmfts_poses){array(&c, POSE_CHANGE), array(&c, POSITION), array(&c, AXIS), array(&c, POSE_VARIANCE), NULL};
-    fmfts_read_ordinary(&fitter, c.buffer[LIMITS].buf, fingers(&c, START), &samples, &change, array(&c, AROUND), &found);
+    const fmfts_frame_before last = {fingers(&c, START), array(&c, AROUND)};
+    fmfts_read_ordinary(&fitter, c.buffer[LIMITS].buf, &last, &samples, &change, &found);
     return Py_BuildValue("dinNNN", found.fit.chi2, found.fit.flags, (Py_ssize_t)found.valley.ways,
                          PyBool_FromLong(found.has_jumped), PyBool_FromLong(found.has_fit), PyBool_FromLong(found.is_ordinary));
 }

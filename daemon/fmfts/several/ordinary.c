@@ -3,13 +3,13 @@
 
 #include <math.h>
 
-void fmfts_read_ordinary(const fmfts_fitter *fitter, const fmfts_ordinary_limits *limits, fmfts_fingers before,
-                         fmfts_rest_samples *samples, const fmfts_rest_change *change, const double *ambient_t,
-                         fmfts_ordinary *found)
+void fmfts_read_ordinary(const fmfts_fitter *fitter, const fmfts_ordinary_limits *limits, const fmfts_frame_before *last,
+                         fmfts_rest_samples *samples, const fmfts_rest_change *change, fmfts_ordinary *found)
 {
+    const fmfts_fingers before = last->fingers;
     const fmfts_several *model = fitter->model;
     fmfts_several_work *work = fitter->work;
-    const fmfts_measured measured = {change->change_t, change->variance_t2, change->there, NULL, ambient_t};
+    const fmfts_measured measured = {change->change_t, change->variance_t2, change->there, NULL, last->ambient_t};
     samples->now_t = before.count ? work->predicted[fmfts_predict_in(model, before, work)].field : NULL;
     found->has_jumped = fmfts_since_rest(model->values, samples, change);                       /* since_rest.c */
     found->has_fit = found->is_ordinary = false;

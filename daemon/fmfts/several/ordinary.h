@@ -23,9 +23,14 @@ typedef struct {
     fmfts_poses poses;
 } fmfts_ordinary;
 
-/* ordinary.c: the steps of a frame with the fingers `before`. samples->now_t is set. ambient_t [3]: the field around. */
-void fmfts_read_ordinary(const fmfts_fitter *fitter, const fmfts_ordinary_limits *limits, fmfts_fingers before,
-                         fmfts_rest_samples *samples, const fmfts_rest_change *change, const double *ambient_t,
-                         fmfts_ordinary *found);
+/* What the frame before tells: its fingers, and the field around [3]. */
+typedef struct {
+    fmfts_fingers fingers;
+    const double *ambient_t;
+} fmfts_frame_before;
+
+/* ordinary.c: the steps of a frame. samples->now_t is set. */
+void fmfts_read_ordinary(const fmfts_fitter *fitter, const fmfts_ordinary_limits *limits, const fmfts_frame_before *last,
+                         fmfts_rest_samples *samples, const fmfts_rest_change *change, fmfts_ordinary *found);
 
 #endif
