@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import socket
+import time
 from itertools import count
 
 # Below 32768, where Linux begins to give ports to whoever connects.
 FIRST, TRIPLES, TRIPLES_OF_A_PROCESS = 20_000, 4_000, 37
+PATIENCE_S = 30.0
 _asked = count()
 
 
@@ -19,6 +21,15 @@ def tcp_base() -> str:
         if all(map(_is_free, range(first, first + 3))):
             return f"tcp://127.0.0.1:{first}"
     raise AssertionError("no ports are free")
+
+
+def wait_until_free(base: str) -> None:
+    """ZeroMQ closes a socket in a thread of its own, some time after `close`."""
+    first = int(base.rpartition(":")[2])
+    until = time.monotonic() + PATIENCE_S
+    while not all(map(_is_free, range(first, first + 3))):
+        assert time.monotonic() < until, f"another program has a port from {first} on"
+        time.sleep(0.01)
 
 
 def free_udp_port() -> int:

@@ -20,7 +20,7 @@ from fmfts.common import exit_codes
 from fmfts_client import Endpoints, Status
 from fmfts_fleet.pad_health import WORST_FIRST, PadHealth, facts_of
 from fmfts_fleet.robots import FIRST_S, MOST_PADS, SILENT_S, WatchedRobot
-from ports import tcp_base
+from ports import tcp_base, wait_until_free
 from unit.bus_messages import BOOT, status_message
 
 PATIENCE_S = 60.0
@@ -105,6 +105,8 @@ class Rig:
         if self.publisher is not None:
             self.publisher.close()
             self.publisher = None
+            if self.endpoints.bus.startswith("tcp:"):
+                wait_until_free(self.endpoints.bus)
 
     def close(self) -> None:
         self.stop_daemon()
