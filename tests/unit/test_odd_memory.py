@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -22,6 +24,7 @@ from fmfts.bus.messages import SlipMessage
 from fmfts.common.memory import encode
 from fmfts.pipeline.first_memory import OF_SLIP
 from fmfts.pipeline.pad_pipeline import PadPipeline, PipelineMemory
+from fmfts.pipeline.possible_memory import BLAMED
 from fmfts.pipeline.snapshot import FORMAT, BadMemoryError, Snapshot, restore
 from fmfts.sensor import Frame
 from golden.replayed import pipelines_of
@@ -36,8 +39,9 @@ AFTER = 3  # frames
 OUTSIDE: dict[str, Any] = {
     "found_sensor": (4, -2, 1 << 40), "heard": (16, -1), "suspects": (1 << 62, -(1 << 63)), "searched_sensors": (16,),
     "searched": (5, -1), "explained": (1 << 12,), "time_us": (1 << 51, -(1 << 63)), "number": (2**63 - 1,),
-    "stood_ns": (-(1 << 63),), "repeats": (2**63 - 1,),
+    "stood_ns": (-(1 << 63),), "repeats": (2**63 - 1,), "blamed": (41, -1, 1 << 61),
 }  # fmt: skip
+ALTERNATING = Path(__file__).parents[2] / "daemon/fmfts/pose/alternating.c"
 
 
 @contextmanager
@@ -139,3 +143,8 @@ def test_impossible_memory_number_is_refused(name: str) -> None:
             with pytest.raises(BadMemoryError, match=r" is no "):
                 restore(pipeline, claimed(with_number(memory, name, 0, number)))
         assert pipeline.memory.fields[name].tolist() == memory.fields[name].tolist()
+
+
+def test_largest_number_of_frames_that_remember_a_blamed_sensor_is_that_of_the_code() -> None:
+    (frames,) = re.findall(r"\bBLAMED_FRAMES = (\d+)", ALTERNATING.read_text())
+    assert int(frames) == BLAMED.highest

@@ -14,6 +14,7 @@ MICROSECONDS = Range(-(2.0**50), 2.0**50, "time of a board in µs")
 WHOLE = Range(-(2.0**61), 2.0**61, "time in ns, or count")
 LOOKS = Range(0, 2**12 - 1, "frames that ambient_motion.c looked at")
 CAUSES = Range(0, 4, "cause that fault_search.c finds")
+BLAMED = Range(0, 40, "frames until alternating.c forgets a blamed sensor")  # else it stays blamed for ever
 
 
 def require_possible(fields: Values, sensors: int) -> None:
@@ -24,6 +25,7 @@ def require_possible(fields: Values, sensors: int) -> None:
         **dict.fromkeys(("heard", "suspects", "searched_sensors"), mask),
         "explained": LOOKS,
         "searched": CAUSES,
+        "blamed": BLAMED,
     }
     for name, values in fields.items():
         if values.dtype.kind == "i":
