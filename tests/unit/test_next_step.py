@@ -49,12 +49,22 @@ def test_json_output_holds_facts_only(config: str, capsys: pytest.CaptureFixture
     assert "next" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("words", "pad"), [((), None), (("--config", "pad.toml"), "left"), (("--pad", "x"), "x")])
+@pytest.mark.parametrize(
+    ("words", "variable", "pad"),
+    [
+        ((), "", None),
+        ((), "pad.toml", "left"),
+        (("--config", "pad.toml"), "", "left"),
+        (("--pad", "x"), "", "x"),
+        (("--pad", "x"), "pad.toml", "x"),
+    ],
+)
 def test_file_that_only_lies_here_names_no_pad_of_a_running_daemon(
-    config: str, words: tuple[str, ...], pad: str | None, monkeypatch: pytest.MonkeyPatch
+    config: str, words: tuple[str, ...], variable: str, pad: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = []
     monkeypatch.chdir(Path(config).parent)
+    monkeypatch.setenv("FMFTS_CONFIG", variable)
     monkeypatch.setattr(direct, "ask_daemon", lambda verb, base, pad, **_: asked.append(pad) or {"pad": "right"})
     assert main(["selftest", *words]) == 0
     assert asked == [pad]

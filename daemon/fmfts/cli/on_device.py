@@ -104,11 +104,12 @@ def _selftest(options: argparse.Namespace) -> int:
 def through_daemon(options: argparse.Namespace, verb: str, arguments: dict[str, Any], directly: Any) -> int:
     """Lets the running daemon carry out a verb, because it owns the device; without a daemon, calls `directly`."""
     from fmfts.cli import direct
+    from fmfts.config.file import is_named
     from fmfts.view.facts import print_facts
 
     config = configuration_if_any(options)
     # A file that only lies here may be of another daemon.
-    named = config.pad if config is not None and options.config is not None else ()
+    named = config.pad if config is not None and is_named(options.config) else ()
     pad = options.pad or (named[0].name if len(named) == 1 else None)
     with ended_by(*direct.ERRORS):
         facts = direct.ask_daemon(verb, _endpoint_in(config), pad, **arguments)

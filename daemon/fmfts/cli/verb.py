@@ -130,7 +130,7 @@ def configuration_if_any(options: argparse.Namespace) -> Config | None:
     """The configuration; None if no file is given and none exists in the default places. Raises VerbError."""
     from fmfts.config.file import is_there_any
 
-    return configuration(options) if options.config is not None or is_there_any() else None
+    return configuration(options) if is_there_any(options.config) else None
 
 
 def serving_base(options: argparse.Namespace) -> str | None:

@@ -83,9 +83,14 @@ def _first_magnet_apart(data: dict[str, Any]) -> dict[str, Any]:
     return data
 
 
-def is_there_any() -> bool:
-    """Whether a configuration exists in the default places."""
-    return bool(os.environ.get(ENVIRONMENT)) or any(candidate.exists() for candidate in DEFAULT_PATHS)
+def is_named(path: Path | None) -> bool:
+    """Whether somebody names the file, as `path` or in $FMFTS_CONFIG. A file in DEFAULT_PATHS may only lie there."""
+    return path is not None or bool(os.environ.get(ENVIRONMENT))
+
+
+def is_there_any(path: Path | None) -> bool:
+    """Whether a file is named, or is in the default places."""
+    return is_named(path) or any(candidate.exists() for candidate in DEFAULT_PATHS)
 
 
 def _told(file: Path, wrong: Sequence[str]) -> str:

@@ -122,7 +122,7 @@ def _pad(options: argparse.Namespace) -> PadConfig:
     from fmfts.config import PadConfig, SimulatedSource
     from fmfts.config.file import is_there_any
 
-    if options.config is None and options.pad is None and not is_there_any():
+    if options.pad is None and not is_there_any(options.config):
         log.info("no configuration: the standard pad")
         return PadConfig(name="standard", source=SimulatedSource())
     return configured_pad(options, several=True)
