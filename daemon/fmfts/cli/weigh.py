@@ -75,5 +75,5 @@ def _quantity(text: str) -> tuple[float, str]:
     except ValueError:
         number = math.nan
     if found is None or not 0.0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"{text}: give a number above 0 and its unit, without a power of ten: 100g")
+        raise argparse.ArgumentTypeError(f"{text}: give a number above 0 and its unit: write 100g, not 1e2g")
     return number, found[2]
