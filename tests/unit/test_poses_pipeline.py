@@ -224,6 +224,28 @@ def test_poses_are_settled_before_they_are_ok_again() -> None:
     assert healths[-1][0] == "ok"
 
 
+def shifted(frame: Frame) -> Frame:
+    """Another pattern of 10 µT than any poses make."""
+    pattern = np.where(np.arange(24).reshape(8, 3) % 3 == np.arange(8)[:, None] % 2, 140, -140)
+    return replace(frame, counts=frame.counts + pattern.astype(np.int16))
+
+
+@pytest.mark.parametrize(
+    ("health", "change"), [("lost", lambda frame: without(1)(without(2)(frame))), ("disturbed", shifted)]
+)
+def test_silicone_recovers_while_no_poses_explain_the_field(health: str, change: Callable[[Frame], Frame]) -> None:
+    """It divides by 1 + t / 10 s in each time t, longer by the 0.2 s of the press, which these frames make shorter."""
+    made, healths, left_t = ready("3 over 8"), set[str](), []
+    for frame, _ in frames("3 over 8", 265, PRESS):
+        message = made.process(frame if frame.sequence < 40 else change(frame))
+        if frame.sequence >= 44:
+            healths.add(message.health)
+            assert made.memory.poses is not None
+            left_t.append(made.memory.poses.recovery.recent_t)
+    assert healths == {health}
+    np.testing.assert_allclose(left_t[-1] / left_t[0], np.exp(-220 / 220 / 10.0), rtol=2e-3)
+
+
 def test_pipeline_goes_on_from_anothers_memory_with_same_answers() -> None:
     name = "2 over 8"
     some = [frame for frame, _ in frames(name, 60, PRESS)]

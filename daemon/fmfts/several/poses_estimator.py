@@ -76,7 +76,9 @@ class PosesEstimator:
         elapsed_s = begun(aligned, memory, self._touch.longest_gap_s, self._touch.forget)
         memory.recovery.pass_time(elapsed_s, pressed=memory.touch.touched)
         self._since_rest.begin(temperature_c, memory, elapsed_s)
-        measured, jumped = self._since_rest.measured(aligned, neighbours, memory, doubles(memory.now_t))
+        # Of frames that nothing explains, `now_t` is older, and what decays must not begin at it again.
+        now_t = doubles(np.minimum(memory.now_t, memory.recovery.recent_t))
+        measured, jumped = self._since_rest.measured(aligned, neighbours, memory, now_t)
         there = measured.used.reshape(-1, 3)
         used = there.copy()
         if memory.left_out >= 0:
@@ -121,6 +123,7 @@ class PosesEstimator:
             self._try_again(measured, there, poses)
         memory.unexplained, memory.change, memory.ambient_t = 0, poses.change, poses.ambient_t
         memory.now_t = np.abs(measured.field_t - poses.misfit_t)
+        memory.recovery.recent_t = np.maximum(memory.recovery.recent_t, memory.now_t)
         touched = self._touch.update(poses.change, poses.covariance)
         health, reason = reasons.health_of_axes(used, missing, left_out)
         return PosesReading(health, reason, used, poses, touched, search)
