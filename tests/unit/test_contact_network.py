@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import resource
 import signal
+import socket
+import subprocess
+import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import onnx
@@ -184,14 +191,90 @@ def test_dead_process_gives_no_answer(look: Callable[[Callable[[], object]], Non
 def test_process_that_hangs_is_ended(
     look: Callable[[Callable[[], object]], None], monkeypatch: pytest.MonkeyPatch, pad: Pad
 ) -> None:
-    read, write = os.pipe()
+    forked: list[int] = []
+    fork = os.fork
+    monkeypatch.setattr(os, "fork", lambda: forked.append(child := fork()) or child)
     look(signal.pause)
     monkeypatch.setattr(beside, "LONGEST_S", 0.1)
     with pytest.raises(ModelError, match="onnxruntime looks at it did not end: TimeoutError"):
         ContactModel.load("default", pad)
-    os.close(write)
-    with os.fdopen(read, "rb") as file:
-        assert file.read() == b""  # no process is left that holds it
+    with pytest.raises(ProcessLookupError):
+        os.kill(forked[0], 0)
+
+
+ORPHANED = """
+import os, time
+from fmfts.contact import beside, session
+
+def look(content):
+    print("it looks", flush=True)
+    time.sleep(60)
+    os.write(1, b"it outlived the daemon")
+
+session.tell, beside.LONGEST_S = look, 600.0
+beside.told(b"a model")
+"""
+
+
+def test_killed_daemon_leaves_no_process() -> None:
+    with subprocess.Popen([sys.executable, "-c", ORPHANED], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"it looks\n"
+        process.kill()
+        assert process.stdout.read() == b""  # both have ended
+
+
+def test_other_process_holds_nothing_of_the_daemon(look: Callable[[Callable[[], object]], None], pad: Pad) -> None:
+    """A restarted daemon could not lock its bus, nor listen, while another process held the first one's files."""
+
+    def list_files() -> None:
+        links = [f"/proc/self/fd/{each}" for each in os.listdir("/proc/self/fd") if int(each) > 2]
+        names = sorted(os.readlink(link).partition(":[")[0] for link in links if os.path.exists(link))
+        raise ValueError(" ".join(names))
+
+    look(list_files)
+    with socket.create_server(("127.0.0.1", 0)), pytest.raises(ModelError) as error:
+        ContactModel.load("default", pad)
+    assert "default.onnx: /memfd:answer (deleted) pipe; " in str(error.value)
+
+
+def test_other_process_ends_itself_when_the_daemon_does_not(
+    look: Callable[[Callable[[], object]], None], pad: Pad
+) -> None:
+    def stay() -> None:
+        if 0 < signal.alarm(1) <= beside.LONGEST_S + 1:
+            signal.pause()
+
+    look(stay)
+    before = signal.signal(signal.SIGALRM, signal.SIG_IGN)
+    try:
+        with pytest.raises(ModelError, match=f"ended with -{signal.SIGALRM}"):
+            ContactModel.load("default", pad)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_model_is_read_by_a_process_with_many_files(pad: Pad) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(max(soft, 2000), hard), hard))
+    with ExitStack() as files:
+        files.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+        while files.enter_context(open(os.devnull)).fileno() < 1024:  # where select(2) ends
+            pass
+        assert ContactModel.load("default", pad).inference.by == "compiled"
+
+
+def test_refused_fork_is_named(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> None:
+    monkeypatch.setattr(os, "fork", raising(BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))))
+    with pytest.raises(ModelError, match=r"no process could be forked in which onnxruntime looks at it: Resource temp"):
+        ContactModel.load("default", pad)
+
+
+def raising(error: Exception) -> Callable[[], NoReturn]:
+    def function() -> NoReturn:
+        raise error
+
+    return function
 
 
 def test_handlers_of_the_daemon_do_not_run_in_the_other_process(
@@ -224,6 +307,9 @@ def test_answer_does_not_need_the_exit_code(pad: Pad) -> None:
     before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     try:
         assert ContactModel.load("default", pad).inference.by == "compiled"
+        for function in (beside.tried, beside.told):
+            with pytest.raises(ValueError, match=r"not an ONNX file|ONNXRuntimeError"):
+                function(b"no model at all")
     finally:
         signal.signal(signal.SIGCHLD, before)
 

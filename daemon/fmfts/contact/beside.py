@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import gc
+import math
 import os
 import select
 import signal
 import warnings
+from contextlib import suppress
 from functools import lru_cache
 from typing import Literal, NoReturn
 
@@ -19,6 +22,7 @@ from fmfts.contact.inference import POSE
 LONGEST_S = 30.0
 HANDLED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # must not run the daemon's handlers in the other process
 FORKS = hasattr(os, "fork") and hasattr(os, "memfd_create")  # else it looks in this process: macOS runs only `replay`
+REFUSAL, ANSWER = b"\0", b"\1"  # the first byte of what the other process writes
 MODELS = 8  # number of models whose result is kept: each is read only once, for all pads
 
 
@@ -59,13 +63,12 @@ def _asked(what: Literal["tell", "try_out"], content: bytes) -> bytes:
             raise ValueError(shortened(_first_line(error))) from error
     answer, (ends, held) = os.memfd_create("answer"), os.pipe()
     try:
+        os.write(answer, REFUSAL)
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, HANDLED)
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12: other threads may hold locks
-                child = os.fork()
+            parent, child = os.getpid(), _forked()
             if child == 0:
-                _look(what, content, answer)
+                _look(what, content, (answer, held), parent)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
             os.close(held)
@@ -76,42 +79,76 @@ def _asked(what: Literal["tell", "try_out"], content: bytes) -> bytes:
     finally:
         os.close(answer)
         os.close(ends)
-    if ended != 0:
-        words = said.decode(errors="replace").strip().splitlines()
-        raise ValueError(shortened(words[-1]) if words else f"onnxruntime, in a process of its own, ended with {ended}")
-    return said
+    if said[:1] != ANSWER:
+        words = said[1:].decode(errors="replace").strip().splitlines()
+        raise ValueError(shortened(words[-1]) if words else f"onnxruntime, in a process of its own, ended{ended}")
+    return said[1:]
 
 
-def _ended(child: int, ends: int) -> int:
-    """Its exit code, or minus its signal. `ends` is closed when it ends; TimeoutError, which is an OSError."""
-    in_time = None
+def _forked() -> int:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12: other threads may hold locks
+        try:
+            return os.fork()
+        except OSError as error:
+            raise ValueError(
+                f"no process could be forked in which onnxruntime looks at it: {error.strerror}"
+            ) from error
+
+
+def _ended(child: int, ends: int) -> str:
+    """How, for a sentence. `ends` is closed when it ends; TimeoutError, which is an OSError."""
+    in_time, how = None, ""
     try:
-        in_time = select.select([ends], [], [], LONGEST_S)[0]
+        until = select.poll()  # select.select takes no descriptor above 1023
+        until.register(ends)
+        in_time = until.poll(LONGEST_S * 1e3)
         if not in_time:
             raise TimeoutError
     finally:
         if not in_time:
             os.kill(child, signal.SIGKILL)
-        try:
-            _, status = os.waitpid(child, 0)
-        except ChildProcessError:  # SIGCHLD is ignored
-            status = 0
-    return os.waitstatus_to_exitcode(status)
+        with suppress(ChildProcessError):  # where SIGCHLD is ignored
+            how = f" with {os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])}"
+    return how
 
 
-def _look(what: Literal["tell", "try_out"], content: bytes, answer: int) -> NoReturn:
-    """Writes the answer, or as its last line what is wrong, and ends this process. Signals wait for that."""
-    ended = 1
+def _look(what: Literal["tell", "try_out"], content: bytes, kept: tuple[int, int], parent: int) -> NoReturn:
+    """Writes the answer, or as its last line what is wrong, and ends this process, at the latest with its parent.
+    Signals wait for that.
+
+    kept: the file for the answer, and the pipe that tells of the end.
+    """
+    answer, _ = kept
     try:
         os.dup2(answer, 2)  # what onnxruntime says when it aborts
+        _leave(kept, parent)
         said = _said(what, content)
-        os.ftruncate(answer, 0)
-        os.pwrite(answer, said, 0)
-        ended = 0
+        os.ftruncate(answer, len(REFUSAL))
+        os.pwrite(answer, said, len(REFUSAL))
+        os.pwrite(answer, ANSWER, 0)
     except BaseException as error:  # noqa: BLE001  # of onnxruntime, which says so where memory is short
         os.write(2, f"\n{_first_line(error)}".encode())
     finally:
-        os._exit(ended)
+        os._exit(0)
+
+
+def _leave(kept: tuple[int, int], parent: int) -> None:
+    """Keeps none of the daemon's sockets, locks and devices, and does not outlive it."""
+    import ctypes
+
+    from fmfts.service.child import end_with
+    from fmfts.service.open_files import OWN
+
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
+    signal.alarm(math.ceil(LONGEST_S) + 1)  # the parent, which can say why, is first
+    end_with(parent, signal.SIGKILL, ctypes.CDLL(None))
+    gc.disable()  # a file object of the daemon would close a descriptor that is by then another's
+    first = 3
+    for each in (*sorted(kept), max(map(int, os.listdir(OWN))) + 1):
+        os.closerange(first, each)
+        first = max(first, each + 1)
 
 
 def _said(what: Literal["tell", "try_out"], content: bytes) -> bytes:

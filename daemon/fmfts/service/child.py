@@ -73,16 +73,21 @@ def child_daemon(
 
 
 def end_with_this_process(also: Callable[[], None]) -> Callable[[], None]:
-    """For `preexec_fn`: the child gets SIGTERM when the thread that starts it ends, even by SIGKILL; see prctl(2)."""
-    prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
+    """For `preexec_fn`: the child gets SIGTERM when the thread that starts it ends, even by SIGKILL."""
+    libc, parent = ctypes.CDLL(None), os.getpid()
 
     def prepare() -> None:
         also()
-        prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != parent:
-            os.kill(os.getpid(), signal.SIGTERM)
+        end_with(parent, signal.SIGTERM, libc)
 
     return prepare
+
+
+def end_with(parent: int, by: signal.Signals, libc: ctypes.CDLL) -> None:
+    """Lets this process get the signal when the thread that forked it in `parent` ends; see prctl(2)."""
+    libc.prctl(PR_SET_PDEATHSIG, by)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), by)
 
 
 def _ignore_ctrl_c() -> None:
