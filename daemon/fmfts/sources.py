@@ -11,11 +11,11 @@ import msgspec
 
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.origin import Origin
-from fmfts.common.extras import added, how_to_install
+from fmfts.common.extras import PartError, added, how_to_install
 from fmfts.common.reading import damage_told
 from fmfts.config import BridgeSource, I2cSource, PadConfig, PluggedSource, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.sensor.chips import CHIPS
-from fmfts.sensor.source import Source, SourceError
+from fmfts.sensor.source import LackingError, Source, SourceError
 from fmfts.sensor.wired_pad import PadOnBoard, PadOnI2c
 
 RECORDINGS = "fmfts.recordings"  # entry point: the source that plays a recording
@@ -106,18 +106,17 @@ def _driver(by_index: Mapping[int, PadConfig], pads: Sequence[PadConfig]) -> Sou
 
 
 def simulation(part: str) -> Any:
-    """A part of SIMULATIONS. Raises SourceError where their package is not installed."""
+    """A part of SIMULATIONS. Raises LackingError where their package is not installed."""
     return _of_another(SIMULATIONS, part, "simulated", "simulation")
 
 
 def _of_another(group: str, name: str, source: str, package: str) -> Any:
-    lacking = f"the source '{source}' {how_to_install(package)}"
     try:
         part = added(group, name)
-    except ModuleNotFoundError as error:  # installed with --no-deps
-        raise SourceError(f"no module {error.name}: {lacking}") from error
+    except PartError as error:
+        raise LackingError(f"the source '{source}': {error}; it {how_to_install(package)}") from error
     if part is None:
-        raise SourceError(lacking)
+        raise LackingError(f"the source '{source}' {how_to_install(package)}")
     return part
 
 

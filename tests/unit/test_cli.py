@@ -16,7 +16,8 @@ from fmfts.bus.messages import Health
 from fmfts.cli import elsewhere
 from fmfts.cli.elsewhere import OF_OPTION
 from fmfts.cli.main import EPILOG, main
-from fmfts.common import exit_codes
+from fmfts.cli.verb import VerbError
+from fmfts.common import exit_codes, extras
 from fmfts.common.extras import LABORATORY, how_to_install
 from fmfts.common.toml import parse
 from fmfts.contact.shipped import DEFAULT_PATH
@@ -69,9 +70,7 @@ SLOW_LOG = """
 import sys, time, types
 import fmfts.service.log
 fmfts.service.log.select = types.SimpleNamespace(select=lambda *_: time.sleep(0.3))
-from fmfts.cli import elsewhere
-from fmfts.cli.elsewhere import OF_OPTION
-from fmfts.cli.main import EPILOG, main
+from fmfts.cli.main import main
 sys.exit(main(["run", "--config", sys.argv[1]]))
 """
 
@@ -293,19 +292,56 @@ def test_replayed_source_says_how_to_install_its_package(
     played, config = tmp_path / "a.mcap", tmp_path / "a.toml"
     played.touch()
     config.write_text(f'[[pad]]\nname = "a"\nsource = {{ type = "replay", file = "{played}" }}\n')
-    assert main(["check-config", "--config", str(config)]) != 0
-    assert f"pip install 'fmfts[recording]' -e {ROOT}/extras/recording\n" in capsys.readouterr().err
+    for words in (["check-config"], ["probe"]):
+        assert main([*words, "--config", str(config)]) == exit_codes.UNAVAILABLE
+        said = capsys.readouterr().err
+        assert f"pip install 'fmfts[recording]' -e {ROOT}/extras/recording\n" in said
+        assert ("the source 'replay': its package lacks module mcap; it belongs to" in said) == (lacks == "mcap")
 
 
 def test_simulated_source_and_the_demo_say_how_to_install_their_package(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     without(monkeypatch, "fmfts.simulations", "fmfts.verbs")
-    assert main(["check-config", "--config", str(SHIPPED)]) != 0
-    check = capsys.readouterr().err
-    assert main(["demo"]) == 69
-    for said in (check, capsys.readouterr().err):
-        assert f"pip install 'fmfts[simulation]' -e {ROOT}/extras/simulation\n" in said
+    of = ["--config", str(SHIPPED)]
+    for words in (["check-config", *of], ["probe", *of], ["demo"]):
+        assert main(words) == exit_codes.UNAVAILABLE
+        assert f"pip install 'fmfts[simulation]' -e {ROOT}/extras/simulation\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["check-config", "probe"])
+def test_simulation_of_another_version_is_named(
+    verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """pip installed this package anew and an extra not: each of these verbs ended with a traceback."""
+    old = EntryPoint("source", "fmfts_simulation.fed:what_was_there_once", "fmfts.simulations")
+    monkeypatch.setattr(extras, "entry_points_of", lambda group: [old] if group == old.group else ())
+    assert main([verb, "--config", str(SHIPPED)]) == exit_codes.UNAVAILABLE
+    said = capsys.readouterr().err
+    assert "the source 'simulated': its package does not fit this version: " in said
+    assert f"pip install 'fmfts[simulation]' -e {ROOT}/extras/simulation\n" in said
+
+
+WITHOUT_SIMULATION = """
+import importlib.metadata, sys
+importlib.metadata.entry_points = lambda **_: ()
+from fmfts.cli.main import main
+sys.exit(main(["run", "--config", sys.argv[1]]))
+"""
+
+
+@pytest.mark.parametrize("kind", ["simulated", "replay"])
+def test_run_without_the_package_of_a_source_ends(kind: str, tmp_path: Path) -> None:
+    """Not as a recording that cannot be read, nor as a bad configuration."""
+    (tmp_path / "a.mcap").touch()
+    (tmp_path / "pad.toml").write_text(
+        f'[bus]\nendpoint = "ipc://{tmp_path}/bus"\n[[pad]]\nname = "a"\nsource = {{ type = "{kind}"'
+        + (', file = "a.mcap" }' if kind == "replay" else " }")
+    )
+    words = [sys.executable, "-c", WITHOUT_SIMULATION, str(tmp_path / "pad.toml")]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert ended.returncode == exit_codes.UNAVAILABLE
+    assert f"run: the source '{kind}' belongs to a package of its own; install it with" in ended.stderr
 
 
 @pytest.mark.parametrize("column", ["force_z_n", "depth_mm", "shear_n"])
@@ -378,3 +414,18 @@ def test_package_of_another_version_stops_no_other_verb(
     assert main(["calibrate", "set.csv"]) == exit_codes.UNAVAILABLE
     assert "calibrate belongs to a package of its own; install it" in capsys.readouterr().err
     assert "the verb 'calibrate' is left out: its package does not fit this version" in caplog.text
+
+
+def test_dependency_of_a_package_that_is_missing_is_named(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """After `pip install --no-deps` it is no other version."""
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    points = [EntryPoint("calibrate", "scipy:add_to", elsewhere.VERBS)]
+    monkeypatch.setattr(elsewhere, "entry_points_of", lambda group: points if group == elsewhere.VERBS else ())
+    assert main(["calibrate", "set.csv"]) == exit_codes.UNAVAILABLE
+    assert "the verb 'calibrate' is left out: its package lacks module scipy" in caplog.text
+    points[0] = EntryPoint("calibrate", "scipy:learn", elsewhere.OPTIONS)
+    monkeypatch.setattr(extras, "entry_points_of", lambda _: points)
+    with pytest.raises(VerbError, match=r"^baseline --learn: its package lacks module scipy; it belongs to a package"):
+        elsewhere.option("baseline --learn")

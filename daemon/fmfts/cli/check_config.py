@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmfts.cli import elsewhere
-from fmfts.cli.verb import VerbError, configuration_as
+from fmfts.cli.verb import VerbError, configuration_as, ended_by
 from fmfts.common import exit_codes
 from fmfts.common.extras import how_to_install
 
@@ -31,11 +31,9 @@ def run(options: argparse.Namespace) -> int:
     collecting = elsewhere.configuration_with("collect")
     config, path = configuration_as(collecting or Config, options)
     closed_keys = _why_keys_are_closed(config)
-    try:
+    with ended_by(ModelError, SourceError):
         models = load_models(config)
         _require_sources(config)
-    except (ModelError, SourceError) as error:
-        raise VerbError(exit_codes.CONFIG, str(error)) from error
     if options.json:
         import msgspec
 
@@ -84,7 +82,7 @@ def _why_keys_are_closed(config: Config) -> str:
 
 
 def _require_sources(config: Config) -> None:
-    """Raise SourceError where a recording is damaged or of another kind of pad, or a package is missing."""
+    """Raise SourceError where a recording is damaged or of another kind of pad; LackingError without its package."""
     from fmfts.config import ReplaySource, SimulatedSource
     from fmfts.sources import open_sources, simulation
 

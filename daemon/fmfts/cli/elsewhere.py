@@ -7,8 +7,9 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fmfts.cli.verb import AddVerb, not_installed
-from fmfts.common.extras import LABORATORY, added, entry_points_of
+from fmfts.cli.verb import AddVerb, VerbError, not_installed
+from fmfts.common import exit_codes
+from fmfts.common.extras import LABORATORY, PartError, added, entry_points_of, how_to_install, loaded
 
 if TYPE_CHECKING:
     from fmfts.config import Config
@@ -61,11 +62,11 @@ def add_to(verb: AddVerb, only_installed: bool = False) -> None:
 
 
 def _loaded(point: Any) -> Any:
-    """None if the package is of another version than this one: the verbs of others stay usable."""
+    """None if the package is of another version, or lacks another package: the verbs of others stay usable."""
     try:
-        return point.load()
-    except (ImportError, AttributeError) as error:
-        log.warning("the verb %r is left out: its package does not fit this version: %s", point.name, error)
+        return loaded(point)
+    except PartError as error:
+        log.warning("the verb %r is left out: %s", point.name, error)
         return None
 
 
@@ -107,13 +108,20 @@ def _is_installed(group: str, package: str) -> bool:
 
 
 def _required(group: str, package: str, what: str) -> Any:
-    found = added(group, package)
+    found = _added(group, package, what)
     if found is None:
         raise not_installed(what, package)
     return found
 
 
+def _added(group: str, package: str, what: str) -> Any:
+    try:
+        return added(group, package)
+    except PartError as error:
+        raise VerbError(exit_codes.UNAVAILABLE, f"{what}: {error}; it {how_to_install(package)}") from error
+
+
 def configuration_with(table: str) -> type[Config] | None:
     """The configuration of the package that reads this table of the file; None where it is not installed."""
-    kind: type[Config] | None = added(CONFIGURATIONS, table)
+    kind: type[Config] | None = _added(CONFIGURATIONS, table, f"[{table}]")
     return kind

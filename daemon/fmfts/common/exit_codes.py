@@ -44,6 +44,7 @@ OF_ERROR = {
     "ControlError": UNAVAILABLE,
     "EndpointError": UNAVAILABLE,
     "FeedError": UNAVAILABLE,
+    "LackingError": UNAVAILABLE,
     "NothingCameError": UNAVAILABLE,
     "SchemaError": UNAVAILABLE,
     # a place cannot be written

@@ -27,9 +27,24 @@ def entry_points_of(group: str) -> Any:
     return entry_points(group=group)
 
 
+class PartError(Exception):
+    """A package's part cannot be loaded. The text says what is wrong with the package."""
+
+
+def loaded(point: Any) -> Any:
+    """The part at an entry point. PartError if its package lacks another, or is of another version than this one."""
+    try:
+        return point.load()
+    except (ImportError, AttributeError) as error:
+        lacks = error.name if isinstance(error, ModuleNotFoundError) else None
+        if lacks is None or lacks.startswith("fmfts"):
+            raise PartError(f"its package does not fit this version: {error}") from error
+        raise PartError(f"its package lacks module {lacks.partition('.')[0]}") from error  # installed with --no-deps
+
+
 def added(group: str, name: str) -> Any:
-    """A package's part of this name; None if it is not installed."""
-    return next((point.load() for point in entry_points_of(group) if point.name == name), None)
+    """A package's part of this name; None if it is not installed. PartError."""
+    return next((loaded(point) for point in entry_points_of(group) if point.name == name), None)
 
 
 def how_to_install(package: str, checkout: Path = CHECKOUT) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 from msgspec import Meta
 from msgspec.structs import force_setattr
 
-from fmfts.common.extras import entry_points_of, how_to_install
+from fmfts.common.extras import PartError, entry_points_of, how_to_install, loaded
 from fmfts.config.section import Problem
 from fmfts.config.section import Section as _Section
 from fmfts.sensor.chips import CHIPS, ChipName
@@ -147,11 +147,9 @@ def _plugged() -> dict[str, type[PluggedSource]]:
     found = {}
     for point in entry_points_of(SOURCES):
         try:
-            found[point.name] = point.load()
-        except (ImportError, AttributeError) as error:
-            log.warning(
-                "[pad.source] type %r is left out: its package does not fit this version: %s", point.name, error
-            )
+            found[point.name] = loaded(point)
+        except PartError as error:
+            log.warning("[pad.source] type %r is left out: %s", point.name, error)
     return found
 
 

@@ -23,6 +23,7 @@ from fmfts.runtime.guarded import LONGEST_PAUSE_S, GuardedSource, device_of
 from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
 from fmfts.sensor import Source, SourceError
+from fmfts.sensor.source import LackingError
 from fmfts.sources import Device, origin_of, recorded_baseline, simulation
 
 log = logging.getLogger(__name__)
@@ -48,7 +49,7 @@ def open_guarded(
         try:
             source.open()
         except SourceError as error:
-            if not device.is_file:
+            if not device.is_file or isinstance(error, LackingError):
                 raise
             source.fail("its constructor", error)
             log.error("%s: %s; it is tried again every %g s", ", ".join(device.names.values()), error, LONGEST_PAUSE_S)

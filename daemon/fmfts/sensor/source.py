@@ -19,6 +19,10 @@ class AbsentError(SourceError):
     """The device is not connected."""
 
 
+class LackingError(SourceError):
+    """The package that reads it is not installed, or does not fit this version."""
+
+
 class CannotError(SourceError):
     """The device is there, but cannot do this, or not now."""
 
