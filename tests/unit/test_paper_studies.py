@@ -53,11 +53,11 @@ def test_another_remanence_breaks_networks_of_fields_not_of_axes(table3: Facts, 
     for name in ("mae_x_mm", "mae_y_mm", "mae_force_n"):
         unit = [float(row_of(table3, f"{network}, pose, unit axis", t)[name]) for t in (1.23, 1.28)]  # type: ignore[arg-type]
         assert unit[1] == pytest.approx(unit[0], rel=0.03)
-    # The middle as the answer to each press would be 7 mm off, as presses are even within 14 mm. How far off a network
-    # is that extrapolates depends on the last digits of its training: 4.9 mm here, 7 with all presses.
+    # How far off a network is that extrapolates depends on the last digits of its training, so it is held to its own
+    # error with the magnet that it knows: 9.0 times (BP) and 5.5 times (RBF) here.
     known, broken = (row_of(table3, f"{network}, field", t)["mae_x_mm"] for t in (1.23, 1.28))
     assert float(known) < 1.2  # type: ignore[arg-type]
-    assert float(broken) > 3.5  # type: ignore[arg-type]
+    assert float(broken) > 4.0 * float(known)  # type: ignore[arg-type]
     # A fair test: a field scaled to the calibrated remanence is as good as it was there.
     scaled = [row_of(table3, f"{network}, field over remanence", t)["mae_x_mm"] for t in (1.23, 1.28)]
     assert scaled[1] == pytest.approx(scaled[0], rel=0.03)
