@@ -49,8 +49,10 @@ def test_calibrate_is_honest_on_another_day_and_a_network_is_not() -> None:
         assert row.within_2 < 0.90, row
         assert row.beyond_5 > 0.03, row
     for number in range(2):
-        field, _, weighed_n, network, polynomial = (row.size_n for row in by_rest[number::2])
+        field, pose, weighed_n, network, polynomial = (row.size_n for row in by_rest[number::2])
         assert weighed_n < field < 0.42 < min(network, polynomial)
+        # Measured 0.506 and 0.332, with a play of 5 %: the pose route misses 0.42 on the first day (real.md).
+        assert pose < (0.531, 0.349)[number]
     weighed = [row for row in by_rest if row.method == BOTH]
     for row, most in zip(weighed, ((0.11, 0.12, 0.32), (0.11, 0.12, 0.335)), strict=True):  # asked: z 0.32 of both
         assert all(one <= limit for one, limit in zip(row.rms_n, most, strict=True)), row
