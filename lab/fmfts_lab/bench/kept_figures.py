@@ -207,16 +207,19 @@ def warming(rows: Rows) -> str:
 
 
 def learned(rows: Rows) -> str:
-    """Of boards that nobody measured, beside the same with known places and rotations, the first row."""
+    """Of boards that nobody measured, beside the same with known places and rotations: without presses, the first row,
+    and with them, the second."""
     lines = []
     for seeds in rows:
         over = (
-            spread((one[key] / known[key] for one, known in zip(seeds, rows[0], strict=True)), ".2f")
+            spread((one[key] / known[key] for one, known in zip(seeds, beside, strict=True)), ".2f")
+            for beside in rows[:2]
             for key in ("place_error_m", "force_error_n")
         )
         refused = sum(sum(one["refused"].values()) for one in seeds)
         lines.append((seeds[0]["kind"], *answers(seeds), *over, f"{refused} of {sum(one['pads'] for one in seeds)}"))
-    return markdown(("baseline", *ANSWERS, "mm over known", "N over known", "refused"), lines)
+    over_known = ("mm over known", "N over known", "mm over refine", "N over refine")
+    return markdown(("baseline", *ANSWERS, *over_known, "refused"), lines)
 
 
 TABLES = (
