@@ -55,8 +55,8 @@ def test_rough_starts_end_right_or_say_that_they_are_ambiguous(folder: Path) -> 
     assert len(right) >= 15
 
 
-# A made-up recording: the exact field of a cylinder (simulation/cylinder.py) above four chips that are not where the
-# sketch says.
+# A made-up recording: the exact field of a cylinder (fmfts_simulation/cylinder.py) above four chips that are not where
+# the sketch says.
 ROWS, NOISE_MT = 60, 0.03
 
 
