@@ -63,22 +63,24 @@ def test_nearby_motor_causes_no_wrong_answer(ambient: Ambient) -> None:
 
 
 def test_sensors_that_are_blamed_in_turn_are_not_faulty() -> None:
-    """At 75 Hz three of them were, one after the other, in the 23 frames before the field was known to alternate: 5.3
-    deviations."""
+    """At 75 Hz three of seed 1's were, one after the other, in the 23 frames before the field was known to alternate:
+    5.3 deviations. Of these four pads 147, 147, 147 and 148 of 150 frames are published."""
     row = Row()
-    row.begin_pad()
-    trial(at_rate("drifting", 1, 75), MODEL, motor, "after", 2.0, row)
+    for seed in range(1, 5):
+        row.begin_pad()
+        trial(at_rate("drifting", seed, 75), load_contact_model(pad_config("drifting", seed)), motor, "after", 2.0, row)
     assert row.wrong == row.false_contacts == 0
-    # As lab/results/tracking.md has it over all pads beside a motor; here 147 of 150 frames.
-    assert row.health["ok"] + row.health["degraded"] >= 0.95 * row.frames
+    assert row.health["ok"] + row.health["degraded"] >= 0.975 * row.frames
 
 
+@pytest.mark.parametrize("seed", range(1, 9))
 @pytest.mark.parametrize("ambient", AMBIENTS)
-def test_two_loose_sensors_are_no_motor(ambient: Ambient) -> None:
-    """Each reads some 9 µT too much or too little in 5 % of the frames. Called a motor, they left 45 % of them `ok`."""
-    config, random = pad_config(ambient, 3), np.random.default_rng(3)
+def test_two_loose_sensors_are_no_motor(ambient: Ambient, seed: int) -> None:
+    """Each reads some 9 µT too much or too little in 5 % of the frames. The pad runs from its baseline on: a drifting
+    field that it did not see move is foreign to it, with loose sensors or without."""
+    config, random = pad_config(ambient, seed), np.random.default_rng(seed)
     pipeline, ok = pipeline_of(config, load_contact_model(config)), 0
-    frames = record(DrillSource(config), FINGERS["rest"], 4.0)[60:]
+    frames = record(DrillSource(config), FINGERS["rest"], 2.0)
     for frame in frames:
         counts = frame.counts.copy()
         for sensor in (0, 2):
@@ -86,7 +88,7 @@ def test_two_loose_sensors_are_no_motor(ambient: Ambient) -> None:
         message = pipeline.process(replace(frame, counts=counts))
         ok += message.health == "ok"
         assert "trembles" not in message.reason
-    assert ok > 0.85 * len(frames)
+    assert ok > 0.9 * len(frames)
 
 
 def test_frame_beside_one_that_blamed_another_sensor_is_not_published() -> None:
