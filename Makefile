@@ -6,6 +6,7 @@
 #              RUNS=20: twenty whole cycles of it, each of another world, judged together: half an hour)
 # make first-minute   how soon `make demo` shows the first `ok`, its deviations at 1 N, lost frames    (DEMO="PAD=array")
 # make chips-for-a-day   every driver on its emulated chips for a day of their time: 6 to 15 minutes for each chip
+# make start-time        how long the daemon takes to be ready; PYTHONS="A B": those of two versions, in turns
 # make sample-times      when samples were measured, and whether any comes twice: eight minutes
 # make magnet-check   what `probe --magnet` says of 200 random mistakes and 50 good boards: five minutes    (MAGNET_CHECK="--seed 2")
 # make mould   the mould of a pad of other sizes for a printer, as STL: needs OpenSCAD (hardware/ has the standard pad's)
@@ -128,6 +129,9 @@ fingertip:
 	openscad -q --export-format binstl -o build/fingertip-leap.stl -D 'hand="leap"' $(FINGERTIP) hardware/fingertip.scad
 	openscad -q --export-format binstl -o build/fingertip-allegro.stl -D 'hand="allegro"' $(FINGERTIP) hardware/fingertip.scad
 	openscad -q --export-format binstl -o build/fingertip-lid.stl -D 'part="lid"' $(FINGERTIP) hardware/fingertip.scad
+
+start-time: $(VENV)/.installed
+	$(BIN)/python tests/drills/start.py $(PYTHONS)
 
 first-uses: test-packages $(VENV)/.installed-test
 	$(BIN)/python tests/end_to_end/i2c_first_use.py $(FIRST_USES)

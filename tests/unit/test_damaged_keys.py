@@ -18,8 +18,8 @@ from fmfts.common import exit_codes
 from fmfts_client.keys import LARGEST_KEY_FILE, BadKeyError, client_key
 
 CONFIG = '[bus]\nkeys = "keys"\n[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\nfinger = "none"\n'
-# It reads no file of the checkout, which may be closed to other users.
-WITHOUT_MODEL = CONFIG + '[pad.contact]\nmodel = "none"\n'
+# It needs no file of the checkout, which may be closed to other users: no contact model and no package of simulations.
+ON_A_BOARD = CONFIG.partition("type")[0] + 'type = "bridge"\nport = "/dev/ttyACM0"\n[pad.contact]\nmodel = "none"\n'
 UNIT = Path(__file__).parents[2] / "systemd" / "fmfts.service"
 NOBODY = 65534
 
@@ -111,7 +111,7 @@ def test_closed_key_is_reported_by_check_config(keys: Path, capsys: pytest.Captu
     with tempfile.TemporaryDirectory() as open_to_all:  # pytest closes its own to others
         Path(open_to_all).chmod(0o755)
         config = Path(open_to_all) / "config.toml"
-        config.write_text(WITHOUT_MODEL.replace('"keys"', f'"{keys}"'))
+        config.write_text(ON_A_BOARD.replace('"keys"', f'"{keys}"'))
         assert main(["check-config", "--config", str(config)]) == exit_codes.DONE  # imports private files
         with closed(keys / "server.key"):
             assert main(["check-config", "--config", str(config)]) == exit_codes.DONE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from shlex import quote
@@ -54,7 +55,7 @@ def how_to_install(package: str, checkout: Path = CHECKOUT) -> str:
     folders = (NEEDS.get(package, "") + ("lab" if is_laboratory else f"extras/{package}")).split()
     whose = f"belongs to {'the laboratory' if is_laboratory else 'a package of its own'}; install it"
     extra = "" if is_laboratory else f"'fmfts[{package}]' "
-    if (checkout / "pyproject.toml").is_file():
+    if os.path.isfile(checkout / "pyproject.toml"):  # false, too, where this user may not look
         return f"{whose} with\n    {pip} {extra}{' '.join(f'-e {quote(str(checkout / folder))}' for folder in folders)}"
     this = extra.replace("fmfts", ".") or ". "
     of_folders = f"{pip} ./clients/python {this}{' '.join(f'./{folder}' for folder in folders)}"
