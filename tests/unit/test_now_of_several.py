@@ -11,6 +11,7 @@ import pytest
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.pipeline.configured import contact_model_of, lead_of, pipeline_of
+from fmfts.pipeline.finger import FollowedFinger
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.pipeline.snapshot import BadMemoryError, restore, snapshot
@@ -148,6 +149,30 @@ def test_only_new_sample_that_a_finger_may_have_changed_is_looked_at() -> None:
     assert not is_looked_at(6e-5, 4500)  # a jump, as from a moved wire
     assert not is_looked_at(2e-5, 0)  # the frame contained it
     assert not is_looked_at(2e-5, 1_000_000)
+
+
+def test_mains_beside_an_untouched_pad_are_looked_at_about_once_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """50 Hz of 2 µT change most of the 8 samples since a frame by more than noise does; all of those were looked at."""
+    made, looked = ready(EARLY_S), list[int]()
+    look_ahead = FollowedFinger._look_ahead
+
+    def counted(followed: FollowedFinger, time_us: int) -> None:
+        looked.append(time_us)
+        look_ahead(followed, time_us)
+
+    monkeypatch.setattr(FollowedFinger, "_look_ahead", counted)
+    for_samples, some = 0, frames(150)
+    for quiet in some:
+        mains_t = 2e-6 * np.sin(2.0 * np.pi * 50e-6 * quiet.sampled_us)[:, None] * [0.5, 0.3, 0.8]
+        frame = replace(
+            quiet, counts=quiet.counts + np.round(mains_t / quiet.chip.step_t[quiet.gain_code]).astype(np.int16)
+        )
+        before = len(looked)
+        for sample in samples_of(frame):
+            made.early(sample)
+        for_samples += len(looked) - before
+        made.process(frame)
+    assert 10 < for_samples < 1.25 * len(some)
 
 
 def test_sample_of_another_time_is_not_taken() -> None:

@@ -31,6 +31,9 @@ NOT_KNOWN, PRESSING = -1.0, 1.0
 # A finger is looked for in the newest samples where one of them has changed by so much since the frame's instant.
 SURE_DEVIATIONS = 4.0
 LONGEST_AHEAD_S = 0.01
+# χ² of the change since the frame's instant must have grown by the first of these after a look that found nothing, and
+# by the second beside each of the last frames: mains change the samples as much in every frame, a finger begins to.
+GROWN, GROWN_OVER_FRAMES, LAST_FRAMES = 1.5, 2.0, 3
 LIGHT_N = 0.2
 # What the linear field, the table and the gains may be wrong by while a finger moves, as a share of the field's change.
 UNKNOWN_SHARE = 0.03
@@ -83,6 +86,8 @@ class FollowedFinger:
         self._rest_t = mounting.rest_field_t.ravel()
         self._quiet = np.array([0.0, 0.0, estimator.quiet_force_sd_n])
         self._sure_t = SURE_DEVIATIONS * mounting.noise_t
+        # χ² of the last look since the frame, and the largest of each of the last frames and since.
+        self._looked_chi2, self._largest_chi2 = 0.0, [0.0] * (LAST_FRAMES + 1)
         # Of the last frame, in which nothing pressed: its change, its field (N, 3), and the newest samples (N, 3).
         self._last: tuple[Measured, Array, Array]
 
@@ -115,9 +120,25 @@ class FollowedFinger:
         else:
             assert reading.measured is not None
             self._deviation[:], self._last = self._quiet, (reading.measured, aligned.field_t, newest_t)
+            self._looked_chi2, self._largest_chi2 = 0.0, [*self._largest_chi2[1:], 0.0]
             if (np.abs(newest_t - aligned.field_t) > self._sure_t).any():
+                self._looked_chi2 = self._newer_chi2()
                 self._look_ahead(frame.device_time_us)
         return compiled.follow(self._buffer)
+
+    def _newer_chi2(self) -> float:
+        """Of the change from the frame's instant to the newest samples."""
+        _, field_t, newest_t = self._last
+        return float(square((newest_t - field_t) / self._mounting.noise_t).sum())
+
+    def _may_press(self) -> bool:
+        """Whether the newest samples have changed by so much more than before that a look may find a finger."""
+        chi2, largest = self._newer_chi2(), self._largest_chi2
+        few_chi2 = max(GROWN * self._looked_chi2, GROWN_OVER_FRAMES * min(largest[:-1]))
+        largest[-1] = max(largest[-1], chi2)
+        if chi2 >= few_chi2:
+            self._looked_chi2 = chi2
+        return chi2 >= few_chi2
 
     def _look_ahead(self, time_us: int) -> None:
         """The newest samples may show a finger, though nothing pressed at the frame's instant."""
@@ -151,6 +172,8 @@ class FollowedFinger:
         payload = compiled.follow_early(*sample)
         if payload is True:
             self._last[2][early.sensor] = early.field_t
+            if not self._may_press():
+                return None
             self._look_ahead(early.device_time_us)
             is_followed = self._pressing > 0.0 and compiled.follow(self._buffer)  # from the last frame on
             payload = compiled.follow_early(*sample) if is_followed else None
