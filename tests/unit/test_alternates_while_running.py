@@ -99,6 +99,10 @@ def test_frame_beside_one_that_blamed_another_sensor_is_not_published() -> None:
     assert row.wrong == row.false_contacts == 0
 
 
+def test_row_without_a_touch_has_no_deviation() -> None:
+    assert Row().line.endswith("force ± - N")
+
+
 def test_healthy_pads_never_report_trembling() -> None:
     for ambient in AMBIENTS:
         assert tapped(ambient, (3,), 60.0).not_ok == 0

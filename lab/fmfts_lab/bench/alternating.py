@@ -107,11 +107,11 @@ class Row:
     @property
     def line(self) -> str:
         published = sum(self.health[name] for name in PUBLISHED) / max(self.frames, 1)
-        deviation_n = np.median(self.deviations_n) if self.deviations_n else np.nan
+        deviation_n = f"{np.median(self.deviations_n):.2f}" if self.deviations_n else "-"
         return (
             f"published {published:7.2%}, wrong {_of_pads(self.wrongs)} of {self.frames}, worst {self.worst:4.1f} sd, "
             f"false contacts {_of_pads(self.falses)} of {self.rest_frames}, named in {self.named:2d} of {self.runs}, "
-            f"refused {self.refused}, force ± {deviation_n:.2f} N"
+            f"refused {self.refused}, force ± {deviation_n} N"
         )
 
     def saw(self, frames: list[WireFrame], pipeline: PadPipeline, truth: Truth, finger: Presses) -> None:
