@@ -20,7 +20,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from sanitized.build import BUILD, ROOT, SUFFIX, build, compiled, environment, library_of, parts
 
 UNIT = "tests/unit/test_{}.py"
-SHORT = ("compiled_refuses", "wire_compiled", "arithmetic", "pad_arguments", "odd_memory", "bend", "touch")
+SHORT = (
+    "compiled_refuses", "wire_compiled", "arithmetic", "pad_arguments", "odd_memory", "bend", "touch", "ordinary_frames",
+)  # fmt: skip
 LONG = (
     "refine", "contact_network", "pose_kernel", "several_compiled", "free_poses", "valley", "every_frame", "fast_loop",
     "fast_loop_of_a_board", "frame_beside", "neighbours_in_the_loop", "missing_sensors", "early", "now", "clock",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fmfts.bus.messages import ContactMessage
+from fmfts.pad import Array
 from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.sensor import Frame
@@ -16,17 +18,28 @@ from fmfts_lab.finite_elements.array_pad import array_config
 from fmfts_recording.replay import essence
 from fmfts_simulation.array import SimulatedArray
 from fmfts_simulation.baseline import simulated_baseline
-from fmfts_simulation.finger import Finger, no_finger, steady_finger
+from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
+from fmfts_simulation.mounted_magnets import FieldOfFingers
 
 CONFIG = array_config(seed=8)
 BASELINE = simulated_baseline(CONFIG)
 COUNT, WHOLE = 150, 100  # frames; of the later ones, sensor 5 is silent
+THIRD = Touch(0.0, 9e-3, 0.3)  # which two fingers explain in some frames
 LEFT, RIGHT = steady_finger(-6e-3, -1e-3, 0.8), steady_finger(7e-3, 3e-3, 0.7)
 
 
-def frames(finger: Finger, second: Finger | None) -> list[Frame]:
+class WithThird(FieldOfFingers):
+    """A simulated pad has two fingers; a third one presses beside them."""
+
+    def at(self, place_m: Array, sampled_s: Array, fingers: Sequence[Finger], warmer: float) -> Array:
+        return super().at(place_m, sampled_s, [*fingers, lambda _: THIRD], warmer)
+
+
+def frames(finger: Finger, second: Finger | None, has_third: bool = False) -> list[Frame]:
     source = SimulatedArray(CONFIG)
     source.finger, source.second_finger = finger, second
+    if has_third:
+        source.fields = WithThird(source.inside)
     made = [frame for step in range(COUNT + 10) for frame in source.poll(round(step * 1e9 / 220))][:COUNT]
     return [*made[:WHOLE], *(replace(one, valid=one.valid & (np.arange(8) != 4)) for one in made[WHOLE:])]
 
@@ -61,3 +74,12 @@ def test_closer_look_says_the_same(monkeypatch: pytest.MonkeyPatch, finger: Fing
     assert [essence(message) for message in said] == [essence(message) for message in closer]
     assert {message.health for message in said[10:WHOLE]} == {"ok"}
     assert said[-1].reason == "sensor 5 is silent"
+
+
+def test_closer_look_says_the_same_of_a_third_finger(monkeypatch: pytest.MonkeyPatch) -> None:
+    some = frames(LEFT, RIGHT, has_third=True)
+    said, ordinary = told(some, monkeypatch, is_closer=False)
+    closer, _ = told(some, monkeypatch, is_closer=True)
+    assert 0 < ordinary < COUNT
+    assert [essence(message) for message in said] == [essence(message) for message in closer]
+    assert sum(message.more is True for message in said) >= 10
