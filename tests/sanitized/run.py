@@ -21,7 +21,8 @@ from sanitized.build import BUILD, ROOT, SUFFIX, build, compiled, environment, l
 
 UNIT = "tests/unit/test_{}.py"
 SHORT = (
-    "compiled_refuses", "wire_compiled", "arithmetic", "pad_arguments", "odd_memory", "bend", "touch", "ordinary_frames",
+    "compiled_refuses", "wire_compiled", "arithmetic", "pad_arguments", "odd_memory", "bend", "touch",
+    "ordinary_frames",
 )  # fmt: skip
 LONG = (
     "refine", "contact_network", "pose_kernel", "several_compiled", "free_poses", "valley", "every_frame", "fast_loop",
