@@ -9,7 +9,7 @@ from fmfts.common.record import Numbers, Values
 from fmfts.pad import Pad
 from fmfts.pipeline._pad import MEMORY
 from fmfts.pipeline.baselined_pad import BaselinedPad
-from fmfts.pose.state import LOG_MOMENT
+from fmfts.pose.state import AMBIENT, LOG_MOMENT
 
 KEPT = ("number", "sampled_ns")  # of the last message: numbers go on
 # The fields that alignment.c keeps of the last frames.
@@ -28,6 +28,9 @@ OF_SLIP = (
 # And these, from before a mean residual told how far offsets drift, and blamed sensors told of a motor.
 LATER = (*OF_SLIP, "further_drift", "calm_drift", "blamed")
 
+# A baseline may be of any age, as after a restart or a replaced cable. In a minute the ambient field walks by 57 µT, as
+# much as if the robot had turned in the Earth's field by any angle.
+UNSEEN_S = 60.0
 # The fields that are not 0, and equal for every pad.
 FIRST: dict[str, Numbers] = {
     "last_us": np.nan,
@@ -51,11 +54,12 @@ def first_memory(pad: Pad, baselined: BaselinedPad | None) -> dict[str, Numbers]
     if baselined is None:
         return memory
     tracking = baselined.tracking
-    covariance, unread_variance = np.diag(tracking.initial), square(tracking.moment_per_k * tracking.unread_warming_k)
-    covariance[LOG_MOMENT, LOG_MOMENT] += unread_variance
+    variance, unread_variance = tracking.initial.copy(), square(tracking.moment_per_k * tracking.unread_warming_k)
+    variance[AMBIENT] += UNSEEN_S * tracking.walk_per_s[AMBIENT]
+    variance[LOG_MOMENT] += unread_variance
     return memory | {
         "state": baselined.mounting.rest.vector(),
-        "covariance": covariance,
+        "covariance": np.diag(variance),
         "unread_variance": unread_variance,
     }
 
