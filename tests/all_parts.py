@@ -45,7 +45,7 @@ PARTS = {
     "unit": [[*BOUNDED, "-n", "3", *BY_FILES, *OF_FUNCTIONS, "-m", "not long and not mutation"]],
     "processes": [[*BOUNDED, "-n", "4", *BY_STEALING, *WHOLE,
                    "-m", "not real_time and not slow and not long and not mutation"]],
-    "clock": [[*BOUNDED, "-n", "4", *ONE_BY_ONE, *WHOLE, "-m", "real_time and not slow"]],
+    "clock": [[*BOUNDED, "-n", "3", *ONE_BY_ONE, *WHOLE, "-m", "real_time and not slow"]],
     "slow": [[*PYTEST, "-n", "1", "--ignore", "tests/unit", "-m", "slow"]],  # a worker, as a test's limit ends it
     "long": [[*PYTEST, "-n", "2", "tests/unit", "tests/skin", "tests/firmware", "-m", "long"]],
     "mutations": [[*BOUNDED, "-n", "3", "tests/unit", "tests/firmware", "-m", "mutation"]],
