@@ -45,7 +45,7 @@ MISUSED = {
     "skin": (["check-config", "--config", "skin.toml"], "a streamed chip belongs to an AnySkin board"),
 }
 # For a verb without its package, or a wrong call; and for a package's file, which is an error either way.
-UNAVAILABLE, USAGE, CONFIG = 69, 2, 78
+LACKING, USAGE, CONFIG = 72, 2, 78
 
 
 @contextmanager
@@ -141,7 +141,7 @@ def extras_add_their_verbs(python: str) -> None:
         for extra, (words, _) in MISUSED.items():
             ended = said_by(folder, *words)
             require(
-                ended.returncode in (UNAVAILABLE, CONFIG) and f"'fmfts[{extra}]'" in ended.stderr,
+                ended.returncode in (LACKING, CONFIG) and f"'fmfts[{extra}]'" in ended.stderr,
                 f"without {extra}:\n{ended}",
             )
     for extra, (words, said) in MISUSED.items():

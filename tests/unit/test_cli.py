@@ -8,7 +8,7 @@ import subprocess
 import sys
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import get_args
+from typing import NoReturn, get_args
 
 import pytest
 
@@ -20,6 +20,7 @@ from fmfts.cli.verb import VerbError
 from fmfts.common import exit_codes, extras
 from fmfts.common.extras import LABORATORY, how_to_install
 from fmfts.common.toml import parse
+from fmfts.config import model_kinds
 from fmfts.contact.shipped import DEFAULT_PATH
 
 ROOT = Path(__file__).parents[2]
@@ -91,7 +92,7 @@ def test_absent_package_comes_with_the_line_that_installs_it(
 ) -> None:
     monkeypatch.setitem(sys.modules, "fmfts_calibrate.command", None)
     arguments = ["calibrate", str(CALIBRATION), "-o", "m.onnx", "--config", str(SHIPPED)]
-    assert main(arguments) == exit_codes.UNAVAILABLE
+    assert main(arguments) == exit_codes.LACKING
     assert f"{sys.executable} -m pip install 'fmfts[calibrate]'" in capsys.readouterr().err
 
 
@@ -99,7 +100,7 @@ def test_finite_elements_without_felupe_name_its_extra(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setitem(sys.modules, "felupe", None)
-    assert main(["pad-model", "--config", str(SHIPPED), "-o", str(tmp_path / "p.npz")]) == exit_codes.UNAVAILABLE
+    assert main(["pad-model", "--config", str(SHIPPED), "-o", str(tmp_path / "p.npz")]) == exit_codes.LACKING
     said = capsys.readouterr().err
     assert "felupe, a package under GPL-3" in said
     assert f"{sys.executable} -m pip install 'fmfts[fem]'" in said
@@ -111,7 +112,7 @@ def test_package_missing_after_no_deps_is_named(
     for name in [name for name in sys.modules if name.startswith(("fmfts_recording.", "mcap"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "mcap", None)
-    assert main(["replay", "touch.mcap"]) == exit_codes.UNAVAILABLE
+    assert main(["replay", "touch.mcap"]) == exit_codes.LACKING
     said = capsys.readouterr().err
     assert "mcap" in said
     assert f"{sys.executable} -m pip install 'fmfts[recording]'\n" in said
@@ -191,7 +192,7 @@ def test_verb_of_the_laboratory_says_how_to_install_it(
         ["pad-model", "-o", "pad.npz"],
         ["pad-model", "--to", "x"],
     ):
-        assert main(words) == 69
+        assert main(words) == exit_codes.LACKING
         assert (
             f"pip install -e {ROOT}/extras/simulation -e {ROOT}/extras/calibrate -e {ROOT}/lab\n"
             in capsys.readouterr().err
@@ -202,7 +203,7 @@ def test_verb_of_an_extra_says_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: ())
-    assert main(["collect", "simulation", "-o", "data.csv", "--by-hand"]) == 69
+    assert main(["collect", "simulation", "-o", "data.csv", "--by-hand"]) == exit_codes.LACKING
     assert (
         f"pip install 'fmfts[collect]' -e {ROOT}/extras/recording -e {ROOT}/extras/collect\n" in capsys.readouterr().err
     )
@@ -215,7 +216,7 @@ def test_each_verb_about_models_says_how_to_install_it(
     words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     without(monkeypatch, "fmfts.verbs")
-    assert main(words) == 69
+    assert main(words) == exit_codes.LACKING
     line = f"pip install 'fmfts[calibrate]' -e {ROOT}/extras/simulation -e {ROOT}/extras/calibrate\n"
     assert line in capsys.readouterr().err
 
@@ -229,7 +230,7 @@ def test_option_of_an_extra_says_how_to_install_it(
 ) -> None:
     without(monkeypatch, "fmfts.options")
     file = tmp_path / "absent.toml" if words.startswith("init") else SHIPPED
-    assert main([*words.split(), "--config", str(file)]) == 69
+    assert main([*words.split(), "--config", str(file)]) == exit_codes.LACKING
     assert not (tmp_path / "absent.toml").exists()
     said = capsys.readouterr().err
     assert said.startswith(f"fmfts-daemon {words.split()[0]}: {words} belongs to a package of its own")
@@ -293,10 +294,12 @@ def test_replayed_source_says_how_to_install_its_package(
     played.touch()
     config.write_text(f'[[pad]]\nname = "a"\nsource = {{ type = "replay", file = "{played}" }}\n')
     for words in (["check-config"], ["probe"]):
-        assert main([*words, "--config", str(config)]) == exit_codes.UNAVAILABLE
+        assert main([*words, "--config", str(config)]) == exit_codes.LACKING
         said = capsys.readouterr().err
         assert f"pip install 'fmfts[recording]' -e {ROOT}/extras/recording\n" in said
-        assert ("the source 'replay': its package lacks module mcap; it belongs to" in said) == (lacks == "mcap")
+        assert ("the source 'replay': package fmfts-recording lacks module mcap; it belongs to" in said) == (
+            lacks == "mcap"
+        )
 
 
 def test_simulated_source_and_the_demo_say_how_to_install_their_package(
@@ -305,7 +308,7 @@ def test_simulated_source_and_the_demo_say_how_to_install_their_package(
     without(monkeypatch, "fmfts.simulations", "fmfts.verbs")
     of = ["--config", str(SHIPPED)]
     for words in (["check-config", *of], ["probe", *of], ["demo"]):
-        assert main(words) == exit_codes.UNAVAILABLE
+        assert main(words) == exit_codes.LACKING
         assert f"pip install 'fmfts[simulation]' -e {ROOT}/extras/simulation\n" in capsys.readouterr().err
 
 
@@ -316,10 +319,32 @@ def test_simulation_of_another_version_is_named(
     """pip installed this package anew and an extra not: each of these verbs ended with a traceback."""
     old = EntryPoint("source", "fmfts_simulation.fed:what_was_there_once", "fmfts.simulations")
     monkeypatch.setattr(extras, "entry_points_of", lambda group: [old] if group == old.group else ())
-    assert main([verb, "--config", str(SHIPPED)]) == exit_codes.UNAVAILABLE
+    assert main([verb, "--config", str(SHIPPED)]) == exit_codes.LACKING
     said = capsys.readouterr().err
     assert "the source 'simulated': its package does not fit this version: " in said
     assert f"pip install 'fmfts[simulation]' -e {ROOT}/extras/simulation\n" in said
+
+
+@pytest.mark.parametrize("verb", ["check-config", "run"])
+def test_broken_package_of_a_contact_model_is_no_bad_configuration(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.toml").write_text(
+        '[[pad]]\nname = "a"\nsource = { type = "anyskin", port = "/dev/null" }\ncontact = { model = "a.response" }\n'
+    )
+
+    def load(point: EntryPoint) -> NoReturn:
+        raise AttributeError(f"module '{point.module}' has no attribute '{point.attr}'")
+
+    (point,) = entry_points(group=model_kinds.MODELS, name="response")
+    monkeypatch.setattr(extras, "entry_points_of", lambda group: [point] if group == point.group else ())
+    monkeypatch.setattr(EntryPoint, "load", load)
+    model_kinds._added.cache_clear()
+    assert main([verb, "--config", str(tmp_path / "a.toml")]) == exit_codes.LACKING
+    said = capfd.readouterr().err
+    assert "contact models '.response': package fmfts-skin does not fit this version: " in said
+    assert "'fmfts_skin.kinds' has no attribute 'RESPONSES'" in said
+    assert "pip install 'fmfts[skin]' -e " in said
 
 
 WITHOUT_SIMULATION = """
@@ -340,7 +365,7 @@ def test_run_without_the_package_of_a_source_ends(kind: str, tmp_path: Path) -> 
     )
     words = [sys.executable, "-c", WITHOUT_SIMULATION, str(tmp_path / "pad.toml")]
     ended = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert ended.returncode == exit_codes.UNAVAILABLE
+    assert ended.returncode == exit_codes.LACKING
     assert f"run: the source '{kind}' belongs to a package of its own; install it with" in ended.stderr
 
 
@@ -351,7 +376,7 @@ def test_data_set_of_an_extra_says_how_to_install_it(
     data = tmp_path / "set.csv"
     data.write_text(f"b1x_ut,b1y_ut,b1z_ut,{column}\n")
     without(monkeypatch, "fmfts.calibrations")
-    assert main(["calibrate", str(data), "-o", str(tmp_path / "model")]) == 69
+    assert main(["calibrate", str(data), "-o", str(tmp_path / "model")]) == exit_codes.LACKING
     said = capsys.readouterr().err
     assert column in said
     assert "pip install 'fmfts[skin]' -e " in said
@@ -364,7 +389,7 @@ def test_model_of_an_extra_says_how_to_install_it(
     model = tmp_path / "model"
     model.write_text(mark)
     without(monkeypatch, "fmfts.calibrations")
-    assert main(["evaluate", str(tmp_path / "set.csv"), "--model", str(model)]) == 69
+    assert main(["evaluate", str(tmp_path / "set.csv"), "--model", str(model)]) == exit_codes.LACKING
     assert "pip install 'fmfts[skin]' -e " in capsys.readouterr().err
 
 
@@ -411,7 +436,7 @@ def test_package_of_another_version_stops_no_other_verb(
     points = [EntryPoint("calibrate", wrong, elsewhere.VERBS), EntryPoint("demo", right, elsewhere.VERBS)]
     monkeypatch.setattr(elsewhere, "entry_points_of", lambda group: points if group == elsewhere.VERBS else ())
     assert main(["demo", "--fingers", "2"]) == exit_codes.USAGE
-    assert main(["calibrate", "set.csv"]) == exit_codes.UNAVAILABLE
+    assert main(["calibrate", "set.csv"]) == exit_codes.LACKING
     assert "calibrate belongs to a package of its own; install it" in capsys.readouterr().err
     assert "the verb 'calibrate' is left out: its package does not fit this version" in caplog.text
 
@@ -423,7 +448,7 @@ def test_dependency_of_a_package_that_is_missing_is_named(
     monkeypatch.setitem(sys.modules, "scipy", None)
     points = [EntryPoint("calibrate", "scipy:add_to", elsewhere.VERBS)]
     monkeypatch.setattr(elsewhere, "entry_points_of", lambda group: points if group == elsewhere.VERBS else ())
-    assert main(["calibrate", "set.csv"]) == exit_codes.UNAVAILABLE
+    assert main(["calibrate", "set.csv"]) == exit_codes.LACKING
     assert "the verb 'calibrate' is left out: its package lacks module scipy" in caplog.text
     points[0] = EntryPoint("calibrate", "scipy:learn", elsewhere.OPTIONS)
     monkeypatch.setattr(extras, "entry_points_of", lambda _: points)

@@ -270,8 +270,17 @@ def test_refused_fork_is_named(monkeypatch: pytest.MonkeyPatch, pad: Pad) -> Non
         ContactModel.load("default", pad)
 
 
+@pytest.mark.parametrize("refused", ["memfd_create", "pipe"])
+def test_process_that_may_open_no_more_files_says_so(monkeypatch: pytest.MonkeyPatch, pad: Pad, refused: str) -> None:
+    before = len(os.listdir("/proc/self/fd"))
+    monkeypatch.setattr(os, refused, raising(OSError(errno.EMFILE, os.strerror(errno.EMFILE))))
+    with pytest.raises(ModelError, match="the process that looks at it got no files: Too many open files"):
+        ContactModel.load("default", pad)
+    assert len(os.listdir("/proc/self/fd")) == before
+
+
 def raising(error: Exception) -> Callable[[], NoReturn]:
-    def function() -> NoReturn:
+    def function(*_: object) -> NoReturn:
         raise error
 
     return function

@@ -98,8 +98,14 @@ def test_every_code_is_in_help_and_in_manual_in_same_words() -> None:
     assert rows == {str(code): meaning for code, meaning in MEANING.items()}
     for code, meaning in MEANING.items():
         assert f"{code} {meaning}" in EPILOG
+
+
+def test_systemd_starts_the_service_again_unless_a_person_must_mend_something() -> None:
+    """A device that is unplugged comes back, and another daemon ends; a missing package stays missing."""
     service = (ROOT / "systemd" / "fmfts.service").read_text()
-    assert f"RestartPreventExitStatus={exit_codes.UNWRITABLE} {exit_codes.CONFIG}\n" in service
+    assert f"\nRestartPreventExitStatus={' '.join(map(str, exit_codes.LASTING))}\n" in service
+    assert exit_codes.LASTING == (exit_codes.LACKING, exit_codes.UNWRITABLE, exit_codes.CONFIG)
+    assert "\nRestart=always\n" in service
 
 
 def test_every_error_in_the_table_exists() -> None:

@@ -100,7 +100,7 @@ def test_layout_of_package_not_installed_says_how_to_install_it(
 ) -> None:
     without(monkeypatch, "fmfts.layouts", "fmfts.views")
     for words in (["layout", "foxglove", "--pad", "left"], ["view", "--foxglove"]):
-        assert main(words) == exit_codes.UNAVAILABLE
+        assert main(words) == exit_codes.LACKING
         assert "pip install 'fmfts[foxglove]' -e " in capsys.readouterr().err
 
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
 
+from fmfts.service.child import ChildDaemon
 from fmfts_recording.file import CopyWriter, RecordingError, RecordingWriter, read
-from fmfts_report import machine
+from fmfts_report import gather, machine
 from fmfts_report.file import LARGEST_FACTS, NAME, facts_of, lines_of, write
 from fmfts_report.log import NoLogError, journal
 from fmfts_report.scrub import Scrubber, of_this_computer
@@ -260,3 +264,26 @@ def test_messages_are_scrubbed_and_others_left_out(tmp_path: Path) -> None:
     (one,) = read(tmp_path / "r.mcap")
     assert one.pad == "zaphod"
     assert json.loads(msgspec.json.encode(one.message))["detail"] == "stale: ~/x"
+
+
+def test_report_says_why_the_daemon_ended_that_it_had_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It ends after it has made its socket: the requests alone would say that there was no answer."""
+    config = tmp_path / "pad.toml"
+    config.write_text('[[pad]]\nname = "a"\nsource = { type = "simulated", finger = "none" }\n')
+
+    @contextmanager
+    def short_lived(_: Path, folder: Path, environment: dict[str, str]) -> Iterator[ChildDaemon]:
+        (folder / "daemon.log").write_text("fmfts: it begins\nfmfts-daemon run: the disk is full\n")
+        (folder / "bus").touch()
+        with subprocess.Popen([sys.executable, "-c", ""]) as process:
+            process.wait()
+            yield ChildDaemon(process, folder / "bus")
+
+    monkeypatch.setattr(gather, "child_daemon", short_lived)
+    monkeypatch.setattr(gather, "named_base", lambda _: f"ipc://{tmp_path}/none")
+    (tmp_path / "run").mkdir()
+    gathering = gather.Gathering(config, 0.1, False, (), tmp_path / "run", lambda *_: None)
+    gathering.facts()
+    assert "the rest: a daemon started for the report ended while it was asked: fmfts-daemon run: the disk is full" in (
+        gathering.missing
+    )

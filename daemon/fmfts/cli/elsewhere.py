@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmfts.cli.verb import AddVerb, VerbError, not_installed
-from fmfts.common import exit_codes
+from fmfts.common.exit_codes import code_of
 from fmfts.common.extras import LABORATORY, PartError, added, entry_points_of, how_to_install, loaded
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def _added(group: str, package: str, what: str) -> Any:
     try:
         return added(group, package)
     except PartError as error:
-        raise VerbError(exit_codes.UNAVAILABLE, f"{what}: {error}; it {how_to_install(package)}") from error
+        raise VerbError(code_of(error), f"{what}: {error}; it {how_to_install(package)}") from error
 
 
 def configuration_with(table: str) -> type[Config] | None:

@@ -80,12 +80,12 @@ def not_written(error: OSError, path: object) -> VerbError:
 def lacking(error: ImportError, extra: str = "") -> VerbError:
     """The error for a missing module that the package or an extra of it installs; the text names the line to run."""
     package = f"'fmfts[{extra}]'" if extra else "fmfts"
-    return VerbError(exit_codes.UNAVAILABLE, f"{error}: it comes with\n    {sys.executable} -m pip install {package}")
+    return VerbError(exit_codes.LACKING, f"{error}: it comes with\n    {sys.executable} -m pip install {package}")
 
 
 def not_installed(what: str, package: str) -> VerbError:
     """The error for a part of another package."""
-    return VerbError(exit_codes.UNAVAILABLE, f"{what} {how_to_install(package)}")
+    return VerbError(exit_codes.LACKING, f"{what} {how_to_install(package)}")
 
 
 def refuse_options(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
@@ -121,7 +121,7 @@ def configuration_as(kind: type[Kind], options: argparse.Namespace) -> tuple[Kin
     try:
         config, file = load_as(kind, options.config)
     except ConfigError as error:
-        raise VerbError(exit_codes.CONFIG, str(error)) from error
+        raise VerbError(code_of(error), str(error)) from error
     recorded_by.use(file)
     return config, file
 

@@ -7,17 +7,22 @@ FAULTY = 1
 USAGE = 2
 DATA = 65  # EX_DATAERR
 UNAVAILABLE = 69  # EX_UNAVAILABLE
+LACKING = 72  # EX_OSFILE
 UNWRITABLE = 73  # EX_CANTCREAT
-CONFIG = 78  # EX_CONFIG: systemd does not restart the service after it, nor after UNWRITABLE
+CONFIG = 78  # EX_CONFIG
 INTERRUPTED = 130
 READER_GONE = 141
+
+# systemd does not start the service again after these: only a person can mend the cause (systemd/fmfts.service).
+LASTING = LACKING, UNWRITABLE, CONFIG
 
 MEANING = {
     DONE: "done",
     FAULTY: "the self-test failed, or probe found a sensor that gives nothing or is not as configured",
     USAGE: "usage: a wrong option, or a pad that is not there",
     DATA: "data, device or daemon refused",
-    UNAVAILABLE: "device, daemon or a Python package absent",
+    UNAVAILABLE: "device or daemon absent",
+    LACKING: "a Python package is missing, or of another version",
     UNWRITABLE: "a file or folder cannot be written, or the disk is full",
     CONFIG: "bad configuration",
     INTERRUPTED: "interrupted with Ctrl-C",
@@ -37,16 +42,19 @@ OF_ERROR = {
     "DataError": DATA,
     "RecordingError": DATA,
     "RefusedError": DATA,
-    # a device, daemon or package is absent
+    # a device or daemon is absent
     "AbsentError": UNAVAILABLE,
     "BusError": UNAVAILABLE,
     "ClusterError": UNAVAILABLE,
     "ControlError": UNAVAILABLE,
     "EndpointError": UNAVAILABLE,
     "FeedError": UNAVAILABLE,
-    "LackingError": UNAVAILABLE,
     "NothingCameError": UNAVAILABLE,
     "SchemaError": UNAVAILABLE,
+    # a package is missing, or of another version
+    "LackingError": LACKING,
+    "PackageError": LACKING,
+    "PartError": LACKING,
     # a place cannot be written
     "NotWrittenError": UNWRITABLE,
     "OSError": UNWRITABLE,

@@ -37,10 +37,11 @@ def loaded(point: Any) -> Any:
     try:
         return point.load()
     except (ImportError, AttributeError) as error:
+        whose = "its package" if point.dist is None else f"package {point.dist.name}"
         lacks = error.name if isinstance(error, ModuleNotFoundError) else None
         if lacks is None or lacks.startswith("fmfts"):
-            raise PartError(f"its package does not fit this version: {error}") from error
-        raise PartError(f"its package lacks module {lacks.partition('.')[0]}") from error  # installed with --no-deps
+            raise PartError(f"{whose} does not fit this version: {error}") from error
+        raise PartError(f"{whose} lacks module {lacks.partition('.')[0]}") from error  # installed with --no-deps
 
 
 def added(group: str, name: str) -> Any:

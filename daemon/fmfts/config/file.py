@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from fmfts.common.extras import PartError
 from fmfts.common.reading import damage_told, read_regular, shortened, unreadable_told
 from fmfts.common.toml import LARGEST_BYTES, NotToml, parse
 from fmfts.config import Config, ReplaySource, SimulatedSource
@@ -41,6 +42,10 @@ class ConfigError(Exception):
     """The configuration cannot be used (exit code 78)."""
 
 
+class PackageError(ConfigError):
+    """Another package, which it needs, cannot be used (exit code 72)."""
+
+
 def load(path: Path | None = None, environ: Mapping[str, str] = os.environ) -> tuple[Config, Path]:
     """The configuration, and the file that it was read from: `path`, else $FMFTS_CONFIG, else DEFAULT_PATHS in order.
 
@@ -53,7 +58,10 @@ def load_as(kind: type[Kind], path: Path | None = None, environ: Mapping[str, st
     """The same, read as another package's kind of configuration, which knows a table of its own."""
     file = find(path, environ)
     with damage_told(ConfigError, f"{file}: cannot be used"):
-        return _loaded(file, kind), file
+        try:
+            return _loaded(file, kind), file
+        except PartError as error:
+            raise PackageError(f"{file}: {error}") from error
 
 
 def _loaded(file: Path, kind: type[Kind]) -> Kind:

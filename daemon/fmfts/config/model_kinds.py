@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from fmfts.common.extras import added, how_to_install
+from fmfts.common.extras import PartError, added, how_to_install
 from fmfts.config.section import Problem
 from fmfts.contact.plugged import PluggedModel
 
@@ -33,17 +33,22 @@ class ModelKind(Protocol):
 
 
 def kind_of(model: str) -> ModelKind | None:
-    """The kind of the file that `[pad.contact] model` names; None: a kind of this package."""
+    """The kind of the file that `[pad.contact] model` names; None: a kind of this package. PartError."""
     return _added(Path(model).suffix[1:])
 
 
 @cache
 def _added(suffix: str) -> ModelKind | None:
-    kind: ModelKind | None = added(MODELS, suffix) if suffix else None
+    try:
+        kind: ModelKind | None = added(MODELS, suffix) if suffix else None
+    except PartError as error:
+        extra = OF_SUFFIX.get(f".{suffix}")
+        how = f"; it {how_to_install(extra)}" if extra else ""
+        raise PartError(f"contact models '.{suffix}': {error}{how}") from error
     return kind
 
 
 def lacking(model: str) -> str | None:
-    """The package to install for such a file, as the end of a sentence; None: it needs no other package."""
+    """The package to install for such a file, as the end of a sentence; None: it needs no other package. PartError."""
     extra = OF_SUFFIX.get(Path(model).suffix)
     return None if extra is None or kind_of(model) is not None else how_to_install(extra)

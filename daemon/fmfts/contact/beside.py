@@ -8,7 +8,7 @@ import os
 import select
 import signal
 import warnings
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import lru_cache
 from typing import Literal, NoReturn
 
@@ -61,24 +61,30 @@ def _asked(what: Literal["tell", "try_out"], content: bytes) -> bytes:
             return _said(what, content)
         except Exception as error:  # of onnxruntime
             raise ValueError(shortened(_first_line(error))) from error
-    answer, (ends, held) = os.memfd_create("answer"), os.pipe()
-    try:
-        os.write(answer, REFUSAL)
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, HANDLED)
+    with ExitStack() as files:
         try:
-            parent, child = os.getpid(), _forked()
-            if child == 0:
-                _look(what, content, (answer, held), parent)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-            os.close(held)
-        ended = _ended(child, ends)
-        said = os.pread(answer, os.fstat(answer).st_size, 0)
-    except OSError as error:
-        raise ValueError(f"the process in which onnxruntime looks at it did not end: {type(error).__name__}") from error
-    finally:
-        os.close(answer)
-        os.close(ends)
+            answer = os.memfd_create("answer")
+            files.callback(os.close, answer)
+            ends, held = os.pipe()
+            files.callback(os.close, ends)
+        except OSError as error:
+            raise ValueError(f"the process that looks at it got no files: {error.strerror}") from error
+        try:
+            os.write(answer, REFUSAL)
+            blocked = signal.pthread_sigmask(signal.SIG_BLOCK, HANDLED)
+            try:
+                parent, child = os.getpid(), _forked()
+                if child == 0:
+                    _look(what, content, (answer, held), parent)
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+                os.close(held)
+            ended = _ended(child, ends)
+            said = os.pread(answer, os.fstat(answer).st_size, 0)
+        except OSError as error:
+            raise ValueError(
+                f"the process in which onnxruntime looks at it did not end: {type(error).__name__}"
+            ) from error
     if said[:1] != ANSWER:
         words = said[1:].decode(errors="replace").strip().splitlines()
         raise ValueError(shortened(words[-1]) if words else f"onnxruntime, in a process of its own, ended{ended}")

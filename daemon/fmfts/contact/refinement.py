@@ -8,14 +8,14 @@ from fmfts.contact import _contact
 from fmfts.contact.response import Array, Response
 
 STEPS = 2
+NO_SHARE = 0.0  # prior deviation of each shear over the force; 0: none
 
 
 class Refiner:
-    """Refines answers with a pad's response. packed: the response. shear_share: prior deviation of each shear, as a
-    share of the force; 0: nothing is known of it."""
+    """Refines answers with a pad's response. packed: the response. Nothing is known of shear before."""
 
-    def __init__(self, response: Response, shear_share: float = 0.0) -> None:
-        self.response, self.shear_share = response, shear_share
+    def __init__(self, response: Response) -> None:
+        self.response = response
         self.packed = response.packed()
 
     def refined(self, press: Array, change: Array, covariance: Array, steps: int = STEPS) -> tuple[Array, Array, float]:
@@ -26,7 +26,7 @@ class Refiner:
         found, spread = np.array(press, dtype=float), np.empty((len(press), len(press)))
         change, covariance = np.ascontiguousarray(change, dtype=float), np.ascontiguousarray(covariance, dtype=float)
         chi2 = _contact.refine(
-            self.packed, change.data, covariance.ravel().data, steps, self.shear_share, found.data, spread.ravel().data
+            self.packed, change.data, covariance.ravel().data, steps, NO_SHARE, found.data, spread.ravel().data
         )
         if chi2 is None:
             raise ValueError("a press cannot be refined: the covariance is not positive definite")

@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from fmfts.common.extras import PartError
 from fmfts.config import PadConfig
 from fmfts.config.model_kinds import lacking
 from fmfts.config.sources import lacking_source
@@ -20,6 +21,10 @@ def recorded_pad(config: dict[str, Any]) -> PadConfig:
         kind = value_at(config, ["source", "type"])
         how = lacking_source(kind)
         raise msgspec.ValidationError(str(error) if how is None else f"its source {kind!r} {how}") from error
-    if not pad.other_magnets and (how := lacking(pad.contact.model)) is not None:
+    try:
+        how = None if pad.other_magnets else lacking(pad.contact.model)
+    except PartError as error:
+        raise msgspec.ValidationError(str(error)) from error
+    if how is not None:
         raise msgspec.ValidationError(f"its contact model {pad.contact.model} {how}")
     return pad

@@ -22,7 +22,7 @@ from fmfts.sensor import SourceError
 from fmfts.sensor.bridge.serial_port import candidates
 from fmfts.sensor.i2c.scan import Found, scanned
 from fmfts.sensor.tasks import PATIENCE_S, SELFTEST_S
-from fmfts.service.child import child_daemon
+from fmfts.service.child import ChildDaemon, child_daemon
 from fmfts.view.progress import Show
 from fmfts_client import request
 from fmfts_client.endpoints import OVERRIDE, for_client, named_base
@@ -50,6 +50,7 @@ class Gathering:
     show: Show
     missing: list[str] = field(default_factory=list)
     recording: Path | None = None
+    started: ChildDaemon | None = None  # a daemon for this report alone
     config: Config | None = None
     configuration: dict[str, str] = field(default_factory=dict)
 
@@ -109,6 +110,8 @@ class Gathering:
                 base, measured["through"] = self._daemon(until_stopped)
             if measured["through"] != "nobody":
                 measured |= self._asked(base)
+            if self.started is not None and self.started.process.poll() is not None:
+                self.missing.append(f"the rest: {self._why_ended('ended while it was asked')}")
         log = self.folder / "daemon.log"
         if log.exists():
             text = read_regular(log, LARGEST_LOG).decode(errors="replace")
@@ -131,12 +134,16 @@ class Gathering:
         environment |= {OVERRIDE: own, "XDG_STATE_HOME": str(self.folder / "state")}
         child = until_stopped.enter_context(child_daemon(Path(self.configuration["file"]), self.folder, environment))
         if not child.is_serving():
-            end = (self.folder / "daemon.log").read_text(errors="replace").strip().splitlines()[-1:]
-            raise SourceError(f"a daemon started for the report does not serve: {''.join(end)}")
+            raise SourceError(self._why_ended("does not serve"))
+        self.started = child
         until_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < until_s and not all(pad["connected"] for pad in _probed(own)):
             time.sleep(TURN_S)
         return own, "a daemon started for the report"
+
+    def _why_ended(self, what: str) -> str:
+        end = (self.folder / "daemon.log").read_text(errors="replace").strip().splitlines()[-1:]
+        return f"a daemon started for the report {what}: {''.join(end)}"
 
     def _asked(self, base: str | None) -> dict[str, Any]:
         facts: dict[str, Any] = {}
