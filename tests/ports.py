@@ -8,17 +8,17 @@ import time
 from itertools import count
 
 # Below 32768, where Linux begins to give ports to whoever connects.
-FIRST, TRIPLES, TRIPLES_OF_A_PROCESS = 20_000, 4_000, 37
+FIRST, BASES, BASES_OF_A_PROCESS, PORTS_OF_A_BASE = 20_000, 3_000, 37, 4
 PATIENCE_S = 30.0
 _asked = count()
 
 
 def tcp_base() -> str:
-    """A bus's base on three free ports in a row: bus, control and frames."""
-    for _ in range(TRIPLES_OF_A_PROCESS):
-        triple = os.getpid() * TRIPLES_OF_A_PROCESS + next(_asked) % TRIPLES_OF_A_PROCESS
-        first = FIRST + 3 * (triple % TRIPLES)
-        if all(map(_is_free, range(first, first + 3))):
+    """A bus's base on four free ports in a row: bus, control, frames and joints."""
+    for _ in range(BASES_OF_A_PROCESS):
+        number = os.getpid() * BASES_OF_A_PROCESS + next(_asked) % BASES_OF_A_PROCESS
+        first = FIRST + PORTS_OF_A_BASE * (number % BASES)
+        if all(map(_is_free, range(first, first + PORTS_OF_A_BASE))):
             return f"tcp://127.0.0.1:{first}"
     raise AssertionError("no ports are free")
 
@@ -27,14 +27,14 @@ def wait_until_free(base: str) -> None:
     """ZeroMQ closes a socket in a thread of its own, some time after `close`."""
     first = int(base.rpartition(":")[2])
     until = time.monotonic() + PATIENCE_S
-    while not all(map(_is_free, range(first, first + 3))):
+    while not all(map(_is_free, range(first, first + PORTS_OF_A_BASE))):
         assert time.monotonic() < until, f"another program has a port from {first} on"
         time.sleep(0.01)
 
 
 def free_udp_port() -> int:
     """Not one that the kernel would give to another program meanwhile."""
-    for _ in range(TRIPLES_OF_A_PROCESS):
+    for _ in range(BASES_OF_A_PROCESS):
         port = int(tcp_base().rpartition(":")[2])
         if _is_free(port, socket.SOCK_DGRAM):
             return port
