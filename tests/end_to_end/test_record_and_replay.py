@@ -21,6 +21,7 @@ from mcap.stream_reader import StreamReader
 
 from end_to_end.processes import RunningDaemon, run_command
 from fmfts.bus.messages import ContactMessage
+from fmfts.common import exit_codes
 from fmfts.config.example import ARRAY_PATH
 from fmfts_client import Subscription
 from fmfts_recording.file import HEADER_BYTES, is_whole, read
@@ -234,6 +235,19 @@ def test_recorder_without_a_daemon_says_so(tmp_path: Path, options: tuple[str, .
     assert ended.returncode == 69
     assert "nothing was recorded: is fmfts-daemon running" in ended.stderr
     assert not (tmp_path / "a.mcap").exists(), "the next attempt wants its name"
+
+
+@pytest.mark.parametrize("is_alone", [True, False])
+def test_record_says_why_a_pad_sent_no_frames(tmp_path: Path, is_alone: bool) -> None:
+    absent = f'[[pad]]\nname = "lost"\n[pad.source]\ntype = "bridge"\nport = "{tmp_path}/no-port"\n'
+    there = '[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\nfinger = "none"\n'
+    with RunningDaemon(tmp_path, absent if is_alone else absent + there) as daemon:
+        daemon.wait_for(lambda contact: contact.health == ("disconnected" if is_alone else "ok"))
+        ended = daemon.command("record", tmp_path / "a.mcap", "--seconds", "2")
+    assert ended.returncode == (exit_codes.UNAVAILABLE if is_alone else exit_codes.DONE), ended
+    (sentence,) = ended.stderr.splitlines()
+    assert sentence.startswith("fmfts-daemon record: no frames of pad 'lost' were recorded: disconnected: ")
+    assert f"{tmp_path}/no-port: the port does not exist" in sentence
 
 
 def test_recording_of_pad_that_is_not_there_names_those_that_are(daemon: RunningDaemon, tmp_path: Path) -> None:

@@ -61,6 +61,7 @@ class Recorder:
         for subscription in (self._bus, self._frames):
             self._poller.register(subscription.socket, zmq.POLLIN)
         self._with_state: set[str] = set()
+        self._reason: dict[str, str] = {}  # of each pad's last contact
         self._scenes: dict[str, PadScene | None] = {}
         self._for_ros = for_ros
         self._ros: dict[str, RosPad] = {}
@@ -100,6 +101,14 @@ class Recorder:
             "refused_messages": self._bus.refused + self._frames.refused,
         }
 
+    def without_frames(self) -> list[str]:
+        """Of each pad that sent messages but no frames: a sentence that says why."""
+        return [
+            f"no frames of pad '{pad}' were recorded: {reason.removesuffix(': ')}"
+            for pad, reason in sorted(self._reason.items())
+            if pad not in self._with_state
+        ]
+
     def close(self) -> None:
         self._writer.close()
         self._frames.close()
@@ -138,6 +147,7 @@ class Recorder:
             key, seq = (message.pad, message.body["boot"]), message.body["seq"]
             self.missed += seq - self._next_seq.get(key, seq)
             self._next_seq[key] = seq + 1
+            self._reason[message.pad] = f"{message.body['health']}: {message.body['reason']}"
         self._writer.add(message.kind, message.pad, message.body)
         if message.kind == "state":
             self._draw_from_now_on(message)

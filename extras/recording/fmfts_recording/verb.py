@@ -6,7 +6,7 @@ import argparse
 from contextlib import closing
 from pathlib import Path
 
-from fmfts.cli.verb import LISTENERS_CONFIG, AddVerb, ended_by, seconds, serving_base
+from fmfts.cli.verb import LISTENERS_CONFIG, AddVerb, ended_by, say, seconds, serving_base
 from fmfts.common import exit_codes
 
 
@@ -50,7 +50,10 @@ def _record(options: argparse.Namespace) -> int:
     with ended_by(*errors), closing(Recorder(options.output, options.pad, base, for_ros=options.ros2)) as recorder:
         facts = recorder.run(options.seconds)
     print_facts(facts, as_json=options.json)
-    return 0
+    silent = recorder.without_frames()
+    for sentence in silent:
+        say(f"fmfts-daemon record: {sentence}")
+    return exit_codes.UNAVAILABLE if silent and not facts["pads"] else exit_codes.DONE
 
 
 def _repair(options: argparse.Namespace) -> int:
