@@ -185,6 +185,20 @@ def test_every_key_is_explained_in_the_shipped_file() -> None:
 SIMULATED = "pad 'a' (first [[pad]]): "
 
 
+NUMBER = re.compile(r"^(?:# )?(\w+) = (-?[\d.]+|\[[^\]]*\d[^\]]*\]\]?)(?:\s+#.*)?$", re.MULTILINE)
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e300", "-1e300"])
+def test_no_number_of_a_pad_may_be_out_of_all_bounds(tmp_path: Path, value: str) -> None:
+    """Such numbers ended `run` with a traceback, or made a pad that never knew anything."""
+    text = SHIPPED.read_text().partition("# --- A pad behind")[0]
+    found = list(NUMBER.finditer(text))
+    assert len(found) > 35
+    for each in found:
+        changed = f"{each[1]} = " + re.sub(r"-?\d[\d.]*", value, each[2], count=1)
+        assert each[1] in complaint(tmp_path, text[: each.start()] + changed + text[each.end() :]), changed
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -209,11 +223,11 @@ SIMULATED = "pad 'a' (first [[pad]]): "
         (PAD + 'trigger = "both"', SIMULATED + "source.trigger = 'both': must be one of \"free\", \"simultaneous\""),
         (PAD + "[pad.geometry]\nsensors_mm = [[1, 2]]", SIMULATED + "geometry.sensors_mm, sensor 1 = [1, 2]: must be a list of 3, each a number"),
         (PAD + '[pad.magnet]\nrest_mm = [1, 2, "z"]', SIMULATED + "magnet.rest_mm, value 3 = 'z': must be a number"),
-        (PAD + "[pad.magnet]\nremanence_t = 0", SIMULATED + "magnet.remanence_t = 0: must be a number greater than 0 and at most 2"),
+        (PAD + "[pad.magnet]\nremanence_t = 0", SIMULATED + "magnet.remanence_t = 0: must be a number from 0.001 to 2"),
         (PAD + "[pad.tolerance]\ngain = 5", SIMULATED + "tolerance.gain = 5: must be a number from 0 to 0.5"),
         (PAD + "[pad.scene]\nsteel_nearby = 1", SIMULATED + "scene.steel_nearby = 1: must be true or false"),
         (PAD + "[pad.contact]\nmodel = 3", SIMULATED + "contact.model = 3: must be text in quotes"),
-        ('[[pad]]\nname = "a b"\n[pad.source]\ntype = "simulated"', "pad 'a b' (first [[pad]]): name = 'a b': must be 1 to 32 letters, digits, - or _, and no spaces"),
+        ('[[pad]]\nname = "a b"\n[pad.source]\ntype = "simulated"', "pad 'a b' (first [[pad]]): name = 'a b': must be 1 to 32 letters without accents, digits, - or _, and no spaces"),
         ('[[pad]]\nname = "a"', SIMULATED + "source is missing: give the table [pad.source]"),
         ('[[pad]]\nname = "a"\n[pad.source]', SIMULATED + 'source.type is missing: give one of "anyskin", "bridge", "i2c", "replay", "simulated"'),
         ('[[pad]]\nname = "a"\n[pad.source]\ntype = "usb"', SIMULATED + "source.type = 'usb': must be one of \"anyskin\", \"bridge\", \"i2c\", \"replay\", \"simulated\""),

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -83,6 +86,19 @@ def test_full_disk_is_called_full(place: Path, capsys: pytest.CaptureFixture[str
     said = capsys.readouterr().err
     assert "/dev/full: No space left on device: the disk is full: make room on it" in said
     assert "writable" not in said
+
+
+@pytest.mark.parametrize("is_buffered", [True, False])
+@pytest.mark.parametrize("verb", ["check-config", "listen"])
+def test_output_on_a_full_disk_is_called_full(verb: str, is_buffered: bool, place: Path) -> None:
+    """As in `check-config > facts.txt`: it ended with a traceback, or with 120."""
+    (place / "config.toml").write_text(SIMULATED)
+    words = [sys.executable, *([] if is_buffered else ["-u"]), "-m", "fmfts", verb, "--config", place / "config.toml"]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, env=environment, check=False)
+    assert ended.returncode == exit_codes.UNWRITABLE, ended
+    assert ended.stderr.startswith(f"fmfts-daemon {verb}: its output: No space left on device: the disk is full")
 
 
 @pytest.mark.parametrize("verb", [("probe",), ("selftest",), ("baseline", "--rest")], ids=" ".join)

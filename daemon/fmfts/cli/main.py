@@ -29,6 +29,7 @@ from fmfts.cli.verb import (
     with_json,
 )
 from fmfts.common import exit_codes
+from fmfts.common.writing import FULL, why_not_written
 
 DEFAULT_CONFIG = "default: $FMFTS_CONFIG, or the first of /etc/fmfts/config.toml, ./pad.toml or ./config.toml"
 EPILOG = """\
@@ -62,14 +63,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return exit_codes.INTERRUPTED
     except BrokenPipeError:
-        # The reader of the output has ended: write nothing more, also not at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _write_no_more()
         return exit_codes.READER_GONE
+    except OSError as error:
+        if error.errno not in FULL or error.filename is not None:
+            raise
+        _write_no_more()
+        print(f"{command}: its output: {why_not_written(error)}", file=sys.stderr)
+        return exit_codes.UNWRITABLE
+
+
+def _write_no_more() -> None:
+    """Nobody takes the output any more: write nothing, also not at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _handled(options: argparse.Namespace) -> int:
     try:
         code: int = options.handler(options)
+        if sys.stdout is not None:  # None: closed from the beginning (>&-)
+            sys.stdout.flush()
         return code
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("fmfts"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 
-_FULL = {
+FULL = {
     errno.ENOSPC: "the disk is full: make room on it (`df -h` shows how much there is), then do it again",
     errno.EDQUOT: "your share of the disk is used up: delete what you no longer need, then do it again",
     errno.EFBIG: "files may not grow larger here (`ulimit -f`): allow larger ones, then do it again",
@@ -13,7 +13,7 @@ _FULL = {
 
 def why_not_written(error: OSError, elsewhere: str = "name another place") -> str:
     """The system's words and what to do. elsewhere: how to name another place, if this one cannot be used."""
-    return f"{error.strerror or error}: {_FULL.get(error.errno or 0) or _other(error, elsewhere)}"
+    return f"{error.strerror or error}: {FULL.get(error.errno or 0) or _other(error, elsewhere)}"
 
 
 def _other(error: OSError, elsewhere: str) -> str:

@@ -14,9 +14,9 @@ from msgspec import Meta, field
 from msgspec.structs import force_setattr
 
 from fmfts.arithmetic.matrix import length, lengths
-from fmfts.config.layouts import BoardName, Vector, layout
+from fmfts.config.layouts import BoardName, layout
 from fmfts.config.model_kinds import ModelKind, kind_of
-from fmfts.config.section import Fraction, NonNegativeFloat, PositiveFloat, Problem
+from fmfts.config.section import DeviationDeg, DeviationMm, Fraction, PositiveFloat, Problem, Vector
 from fmfts.config.section import Section as _Section
 from fmfts.config.sources import (
     BridgeSource,
@@ -110,7 +110,7 @@ class GeometryConfig(_Section, frozen=True):
 class MagnetConfig(_Section, frozen=True):
     diameter_mm: MagnetSize = 2.0
     length_mm: MagnetSize = 2.0
-    remanence_t: Annotated[float, Meta(gt=0, le=2)] = 1.23
+    remanence_t: Annotated[float, Meta(ge=0.001, le=2)] = 1.23
     rest_mm: Vector = (0, 0, 12)
     rest_axis: Vector = (0, 0, 1)
     temperature_coefficient_per_k: Annotated[float, Meta(ge=-0.01, le=0.01)] = -0.0012
@@ -130,16 +130,16 @@ class ToleranceConfig(_Section, frozen=True):
     calibrated on the pad.
     """
 
-    sensor_position_mm: NonNegativeFloat = 0.1
-    magnet_position_mm: NonNegativeFloat = 0.1
-    magnet_tilt_deg: NonNegativeFloat = 0.25
-    pad_tilt_deg: NonNegativeFloat = 1.0
+    sensor_position_mm: DeviationMm = 0.1
+    magnet_position_mm: DeviationMm = 0.1
+    magnet_tilt_deg: DeviationDeg = 0.25
+    pad_tilt_deg: DeviationDeg = 1.0
     gain: Fraction = 0.05
     remanence: Fraction = 0.1
-    sensor_rotation_deg: NonNegativeFloat = 1.5
+    sensor_rotation_deg: DeviationDeg = 1.5
     cross_axis: Fraction = 0.005
     modulus: Fraction | None = None
-    thickness_mm: NonNegativeFloat | None = None
+    thickness_mm: DeviationMm | None = None
 
     def si(self) -> Tolerance:
         """The same facts in SI."""
@@ -182,7 +182,7 @@ class PlacementConfig(_Section, frozen=True):
 
     position_mm: Vector = (0, 0, 0)
     rotation_deg: Vector = (0, 0, 0)
-    tolerance_mm: NonNegativeFloat = 0.3
+    tolerance_mm: DeviationMm = 0.3
 
     def si(self) -> Placement:
         """The same facts in SI."""
@@ -208,7 +208,7 @@ class RebaselineConfig(_Section, frozen=True):
     """Whether, how fast and how far the baseline follows a slow drift automatically: see docs/drift.md."""
 
     enabled: bool = False
-    quiet_s: Annotated[float, Meta(ge=5.0)] = 60.0
+    quiet_s: Annotated[float, Meta(ge=5.0, le=86400.0)] = 60.0
     rate_um_per_hour: PositiveFloat = 20.0
     limit_um: Annotated[float, Meta(gt=0.0, le=100.0)] = 30.0
     force_below_n: PositiveFloat = 0.1

@@ -13,7 +13,8 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-Vector = tuple[float, float, float]
+from fmfts.config.section import Vector
+
 BoardName = Literal["anyskin5", "anyskin5_back", "reskin5", "reskin5_back"]
 
 # Designator → place in mm, and the rotation in degrees of the chip's x from the pad's: that of pick-and-place, which is

@@ -94,8 +94,8 @@ class SimulatedSource(HardwareSource, frozen=True, tag="simulated", tag_field="t
     finger_friction: Annotated[float, Meta(ge=0, le=0.5)] = 0.0
     finger_shape: Literal["round", "ball", "edge", "flat", "angled", "thimble"] = "round"
     imperfections: tuple[Imperfection, ...] = ()
-    warming_k_per_minute: float = 0.0
-    turning_deg_per_s: float = 20.0
+    warming_k_per_minute: Annotated[float, Meta(ge=-60, le=60)] = 0.0
+    turning_deg_per_s: Annotated[float, Meta(ge=-3600, le=3600)] = 20.0
     mechanics: str = "standard"
     frames_from: str | None = None
 

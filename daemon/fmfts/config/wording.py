@@ -39,7 +39,7 @@ UNITS = {
 LEAST_ALIKE, MUCH_ALIKE, OWN, ALMOST = 0.5, 0.75, 0.1, 0.95
 
 PATTERNS = {
-    inspect.type_info(PadName).pattern: "1 to 32 letters, digits, - or _, and no spaces",  # type: ignore[attr-defined]
+    inspect.type_info(PadName).pattern: "1 to 32 letters without accents, digits, - or _, and no spaces",  # type: ignore[attr-defined]
     inspect.type_info(BoardUid).pattern: "24 hexadecimal digits",  # type: ignore[attr-defined]
 }
 
