@@ -6,6 +6,7 @@ import importlib
 import os
 import pkgutil
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -86,6 +87,17 @@ def test_full_disk_is_called_full(place: Path, capsys: pytest.CaptureFixture[str
     said = capsys.readouterr().err
     assert "/dev/full: No space left on device: the disk is full: make room on it" in said
     assert "writable" not in said
+
+
+def test_init_on_a_full_disk_leaves_no_part_of_a_file(place: Path) -> None:
+    """`init` keeps what is there, so the next one would write nothing."""
+    words = [sys.executable, "-m", "fmfts", "init", "--simulated", "--config", place / "pad.toml"]
+    limited = f"ulimit -f 1; trap '' XFSZ; exec {shlex.join(map(str, words))}"
+    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}  # Python would keep a part of a module's bytecode
+    ended = subprocess.run(["bash", "-c", limited], stderr=subprocess.PIPE, text=True, env=environment, check=False)
+    assert ended.returncode == exit_codes.UNWRITABLE, ended
+    assert "pad.toml cannot be written: File too large" in ended.stderr
+    assert list(place.iterdir()) == []
 
 
 @pytest.mark.parametrize("is_buffered", [True, False])

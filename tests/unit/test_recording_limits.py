@@ -261,6 +261,6 @@ def test_whole_recording_is_read_within_the_limits(tmp_path: Path) -> None:
 def test_repair_of_a_recording_without_a_whole_message_leaves_no_file(tmp_path: Path) -> None:
     cut, new = tmp_path / "cut.mcap", tmp_path / "new.mcap"
     cut.write_bytes(mcap([chunk(channel(1, "contact/left"))])[:-8])
-    with pytest.raises(RecordingError, match="cut.mcap holds no whole message, up to where it is cut off"):
+    with pytest.raises(RecordingError, match=r"cut\.mcap holds no whole message, up to where it is cut off"):
         repair(cut, new)
     assert not new.exists()

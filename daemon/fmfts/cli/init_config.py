@@ -13,6 +13,7 @@ from fmfts.cli import elsewhere
 from fmfts.cli.verb import AddVerb, VerbError
 from fmfts.common import exit_codes
 from fmfts.common.writing import why_not_written
+from fmfts.service.state import write_atomically
 
 if TYPE_CHECKING:
     from fmfts.config.example import FoundPad
@@ -59,7 +60,7 @@ def _init(options: argparse.Namespace) -> int:
         pads, where = _on_i2c(options.i2c) if options.i2c is not None else _on_ports(options.port)
         text = written_for(pads, where, options.learn)
     try:
-        file.write_text(text, encoding="utf-8")
+        write_atomically(file, text.encode())  # a part of it would keep the next `init` from writing one
     except OSError as error:
         why = why_not_written(error, "name another with --config")
         raise VerbError(exit_codes.UNWRITABLE, f"{file} cannot be written: {why}") from error
