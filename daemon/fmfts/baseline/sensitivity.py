@@ -67,14 +67,14 @@ def matrices(values: Array) -> Array:
 
 
 # (3, 3, 9) derivatives of a sensor's K by its values.
-_BY_VALUE = matrices(np.eye(9))[0]
+BY_VALUE = matrices(np.eye(9))[0]
 
 
 def columns(field: Array) -> Array:
     """(N, 3, 9N) derivatives of the reported field K·field by the 9N values. field (N, 3): in sensor axes."""
     each, count = np.arange(len(field)), len(field)
     found = np.zeros((count, 3, 3, count, 3))
-    found[each, :, :, each] = (_BY_VALUE * field[:, None, :, None]).sum(axis=2).reshape(count, 3, 3, 3)
+    found[each, :, :, each] = (BY_VALUE * field[:, None, :, None]).sum(axis=2).reshape(count, 3, 3, 3)
     return found.reshape(count, 3, 9 * count)
 
 

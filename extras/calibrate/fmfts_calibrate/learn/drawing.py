@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 from fmfts.baseline import sensitivity
 from fmfts.pad import Pad, SensorArray, Tolerance, rotation_from_vector
 from fmfts.pose import State, dipole_derivatives, dipole_field
-from fmfts.pose.state import turn_derivative
+from fmfts.pose.state import tangent_basis, turn_derivative
 
 Array = NDArray[np.float64]
 
@@ -40,7 +42,7 @@ class Geometry:
         return replace(self.rest, position_m=position_m, axis=axis)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Drawing:
     """A pad's drawing and its tolerances: the prior of the learned geometry.
 
@@ -52,7 +54,7 @@ class Drawing:
     tolerance: Tolerance
     free_octupole: bool = False
 
-    @property
+    @cached_property
     def deviation(self) -> Array:
         """(M,) in SI."""
         count, given = 3 * len(self.pad.sensors), self.tolerance
@@ -87,34 +89,44 @@ class Drawing:
         """The chips' readings (3N,) of the magnet in `state`, and its derivatives by the pose (3N, 5) and by the vector
         (3N, M), as if rest and pose were one: for a press, the caller sets the columns of rest to zero.
         """
-        sensors, count = geometry.sensors, len(self.pad.sensors)
-        strength = self.pad.magnet.strength_t_m3 * float(np.exp(state.log_moment))
+        reading, by_pose, by_vector = self.derivatives_of(geometry, [state])
+        return reading[0], by_pose[0], by_vector[0]
+
+    def derivatives_of(self, geometry: Geometry, states: Sequence[State]) -> tuple[Array, Array, Array]:
+        """`derivatives` (K, …) of K states."""
+        sensors, count, each = geometry.sensors, len(self.pad.sensors), np.arange(len(self.pad.sensors))
         to_chip = geometry.matrix @ sensors.axes.transpose(0, 2, 1)
-        here = sensors.position_m, state.position_m, state.axis, strength
-        field, by_position, by_axis = dipole_derivatives(*here, geometry.octupole_m2)
+        field, unit = np.zeros((2, len(states), count, 3))
+        by_position, by_axis = np.empty((2, len(states), count, 3, 3))
+        turn_of_rest, turn = np.empty((2, len(states), 3, 2))
+        for number, state in enumerate(states):
+            strength = self.pad.magnet.strength_t_m3 * float(np.exp(state.log_moment))
+            here = sensors.position_m, state.position_m, state.axis, strength
+            field[number], by_position[number], by_axis[number] = dipole_derivatives(*here, geometry.octupole_m2)
+            if self.free_octupole:  # the field is linear in κ
+                unit[number] = dipole_field(*here, geometry.octupole_m2 + 1.0) - field[number]
+            turn_of_rest[number], turn[number] = (
+                turn_derivative(self.pad.rest_axis, state.axis),
+                tangent_basis(state.axis),
+            )
         own = sensors.to_sensor(field)
         by_place = to_chip @ by_position
-        columns = np.zeros((count, 3, FIRST_PLACE + 12 * count))
-        columns[:, :, :3] = by_place
-        columns[:, :, 3:5] = to_chip @ by_axis @ turn_derivative(self.pad.rest_axis, state.axis)
-        columns[:, :, LOG_MOMENT] = (to_chip @ field[:, :, None])[:, :, 0]
-        if self.free_octupole:  # the field is linear in κ
-            unit = dipole_field(*here, geometry.octupole_m2 + 1.0) - field
-            columns[:, :, OCTUPOLE] = (to_chip @ unit[:, :, None])[:, :, 0]
+        columns = np.zeros((*own.shape, FIRST_PLACE + 12 * count))
+        columns[..., :3] = by_place
+        columns[..., 3:5] = to_chip @ by_axis @ turn_of_rest[:, None]
+        columns[..., LOG_MOMENT] = (to_chip @ field[..., None])[..., 0]
+        columns[..., OCTUPOLE] = (to_chip @ unit[..., None])[..., 0]
         # The chip's own part of `sensitivity`. Its rotation turns the field before that.
-        gains, turns, cross = np.split(sensitivity.columns(own), 3, axis=2)
-        for sensor in range(count):
-            first = FIRST_PLACE + 3 * sensor
-            own_columns = slice(3 * sensor, 3 * sensor + 3)
-            columns[sensor, :, first : first + 3] = -by_place[sensor]
-            first += 3 * count
-            turn = geometry.matrix[sensor] @ turns[sensor, :, own_columns] @ geometry.by_rotation[sensor]
-            columns[sensor, :, first : first + 3] = turn
-        columns[:, :, FIRST_PLACE + 6 * count : FIRST_PLACE + 9 * count] = gains
-        columns[:, :, FIRST_PLACE + 9 * count :] = cross
-        by_pose = np.concatenate([by_place, to_chip @ by_axis @ turn_derivative(state.axis, state.axis)], axis=2)
-        shared = columns.reshape(3 * count, -1) * self.deviation
-        return (geometry.matrix @ own[:, :, None]).ravel(), by_pose.reshape(3 * count, 5), shared
+        by_value = np.einsum("ijv,knj->kniv", sensitivity.BY_VALUE, own).reshape(*own.shape, 3, 3)
+        gains, turns, cross = np.moveaxis(by_value, 3, 0)
+        by_chip = columns[..., FIRST_PLACE:].reshape(*own.shape, 4, count, 3)
+        turns = geometry.matrix @ turns @ geometry.by_rotation
+        for kind, values in enumerate((-by_place, turns, gains, cross)):
+            by_chip[:, each, :, kind, each] = values.swapaxes(0, 1)  # NumPy puts the chips first
+        by_pose = np.concatenate([by_place, to_chip @ by_axis @ turn[:, None]], axis=3)
+        rows = len(states), 3 * count
+        reading = (geometry.matrix @ own[..., None]).reshape(rows)
+        return reading, by_pose.reshape(*rows, 5), columns.reshape(*rows, len(self.deviation)) * self.deviation
 
 
 def right_jacobian(vector_rad: Array) -> Array:

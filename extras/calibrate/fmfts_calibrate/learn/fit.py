@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.pose import FREE_POSE, parts_of
+from fmfts.pose import FREE_POSE, State, parts_of
 from fmfts.pose.kernel import CHI2, Batch
 from fmfts.pose.problem import DIRECTION, MEASUREMENT, NOISE, PLACE, STOP_CONVERGED, VALUE
 from fmfts.pose.state import POSITION, SIZE, VALUES
@@ -95,22 +95,17 @@ class Bundle:
             return
         geometry, fields = self.drawing.geometry(vector), self.fields
         self.poses = solved_poses(geometry, self.drawing, fields, self.poses)
-        residuals, slopes = [], []
         predicted, _, shared = self.drawing.derivatives(geometry, geometry.rest)
-        weight, left = weighted(fields.rest_t, fields.rest_deviation_t, predicted)
-        residuals.append(left)
-        slopes.append(-weight[:, None] * shared)
-        for press, pose in zip(fields.press_t, self.poses, strict=True):
-            state = geometry.at(pose[POSITION], pose[AXIS_VALUES])
-            predicted, own, shared = self.drawing.derivatives(geometry, state)
-            weight, left = weighted(press, fields.deviation_t, predicted)
-            shared[:, REST] = 0.0
-            both = projected(weight[:, None] * own, np.column_stack([left, -weight[:, None] * shared]))
-            residuals.append(both[:, 0])
-            slopes.append(both[:, 1:])
+        weight, at_rest = weighted(fields.rest_t, fields.rest_deviation_t, predicted)
+        slope_at_rest = -weight[:, None] * shared
+        predicted, own, shared = self.drawing.derivatives_of(geometry, states_of(geometry, self.poses))
+        weight, left = weighted(fields.press_t, fields.deviation_t, predicted)
+        shared[..., REST] = 0.0
+        seen = np.concatenate([left[..., None], -weight[..., None] * shared], axis=2)
+        both = projected(weight[..., None] * own, seen).reshape(-1, 1 + len(vector))
         fixed = self.drawing.deviation == 0.0
-        self._residual = np.concatenate([*residuals, vector])
-        self._jacobian = np.concatenate([*slopes, np.eye(len(vector))])
+        self._residual = np.concatenate([at_rest, both[:, 0], vector])
+        self._jacobian = np.concatenate([slope_at_rest, both[:, 1:], np.eye(len(vector))])
         self._jacobian[: -len(vector), fixed] = 0.0
         self._at = vector.copy()
 
@@ -118,28 +113,36 @@ class Bundle:
 AXIS_VALUES = slice(3, 6)  # places of the axis in a state's vector; a step has two columns for it
 
 
+def states_of(geometry: Geometry, poses: Array) -> list[State]:
+    """The states of state vectors (K, 15)."""
+    return [geometry.at(pose[POSITION], pose[AXIS_VALUES]) for pose in poses]
+
+
 def weighted(field_t: Array, deviation_t: Array, predicted: Array) -> tuple[Array, Array]:
-    """One over the deviation (3N,), 0 where the value is not there; and the misfit (3N,) in deviations."""
-    there = np.isfinite(field_t).ravel()
+    """One over the deviation (…, 3N), 0 where the value is not there; and the misfit (…, 3N) in deviations.
+
+    field_t (…, N, 3), deviation_t (N, 3), predicted (…, 3N).
+    """
+    fields = field_t.reshape(predicted.shape)
+    there = np.isfinite(fields)
     weight = np.where(there, 1.0 / deviation_t.ravel(), 0.0)
-    return weight, weight * (np.where(there, field_t.ravel(), predicted) - predicted)
+    return weight, weight * (np.where(there, fields, predicted) - predicted)
 
 
 def projected(own: Array, seen: Array) -> Array:
-    """The part of the columns `seen` (R, C) that is perpendicular to the columns `own` (R, 5)."""
+    """The part of the columns `seen` (…, R, C) that is perpendicular to the columns `own` (…, R, 5)."""
     basis, _ = np.linalg.qr(own)
-    return np.asarray(seen - basis @ (basis.T @ seen))
+    return np.asarray(seen - basis @ (basis.swapaxes(-1, -2) @ seen))
 
 
 def misfits(drawing: Drawing, vector: Array, fields: Fields) -> tuple[Array, NDArray[np.intp]]:
     """Residuals (K, 3N) of presses with a given geometry, in deviations, and the degrees of freedom (K,)."""
     geometry = drawing.geometry(vector)
-    left = []
-    for press, pose in zip(fields.press_t, solved_poses(geometry, drawing, fields), strict=True):
-        predicted, _, _ = drawing.derivatives(geometry, geometry.at(pose[POSITION], pose[AXIS_VALUES]))
-        left.append(weighted(press, fields.deviation_t, predicted)[1])
+    poses = solved_poses(geometry, drawing, fields)
+    predicted, _, _ = drawing.derivatives_of(geometry, states_of(geometry, poses))
+    _, left = weighted(fields.press_t, fields.deviation_t, predicted)
     there = np.isfinite(fields.press_t).reshape(len(fields.press_t), -1).sum(axis=1)
-    return np.array(left), there - 5
+    return left, there - 5
 
 
 def solved_poses(geometry: Geometry, drawing: Drawing, fields: Fields, before: Array | None = None) -> Array:
