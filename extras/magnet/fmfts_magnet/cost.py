@@ -7,14 +7,15 @@ explanations that the readings cannot tell apart.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import factorial, log
+from functools import cache
+from math import factorial, inf, log
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmfts_magnet.magnet import Explanations
 from fmfts_magnet.readings import Array, Board
-from fmfts_magnet.symmetry import TURNS, Image, number_of
+from fmfts_magnet.symmetry import TURNS, Image, numbers_of
 
 IDENTITY = np.eye(3)
 MIRRORED_Z = np.diag([1.0, 1.0, -1.0])
@@ -26,6 +27,18 @@ def _cost(probability: float, alternatives: float = 1.0) -> float:
 
 def is_quarter_about_z(turn: Array) -> bool:
     return bool(turn[2, 2] == 1.0 and np.linalg.det(turn) > 0.0)
+
+
+@cache
+def _share_of_turn(turn: bytes, count: int) -> float:
+    """The cost of one chip of `count` that alone is turned like this; `turn` holds the matrix's bytes."""
+    matrix = np.frombuffer(turn).reshape(3, 3)
+    if (matrix == IDENTITY).all():
+        return 0.0
+    if is_quarter_about_z(matrix):
+        return _cost(0.05, 3 * count)
+    proper = np.linalg.det(matrix) > 0.0
+    return _cost(0.02, (20 if proper else 24) * count)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,15 +71,10 @@ class Description:
         if moved:
             total += _cost(0.05, count * (count - 1) / 2) if moved == 2 else _cost(0.02, factorial(count))
         for channel in range(count):
-            turn = self.turn[channel]
             if not self.used[channel]:
                 total += _cost(0.02, count)
                 continue
-            if (turn != IDENTITY).any():
-                proper = np.linalg.det(turn) > 0.0
-                total += (
-                    _cost(0.05, 3 * count) if is_quarter_about_z(turn) else _cost(0.02, (20 if proper else 24) * count)
-                )
+            total += _share_of_turn(self.turn[channel].tobytes(), count)
             if self.free[channel]:
                 total += _cost(0.02, count)
             elif self.scale[channel] != 1.0:
@@ -78,16 +86,17 @@ def described(board: Board, all_images: list[Image], one: Explanations) -> Descr
     """The most probable description of one explanation."""
     place, turn, used = one.place[0], one.turn[0], one.used[0]
     found: Description | None = None
+    least = inf
     for image in all_images:
         back = Image(image.matrix.T, np.argsort(image.to))
         turns = back.of_turns(turn, place, board, 1.0)
         if turns is None:
             continue
-        for common in {number_of(each) for each in turns[used]} | {0}:
+        for common in set(numbers_of(turns[used]).tolist()) | {0}:
             alone = turns @ TURNS[common].T
             alone[~used] = np.eye(3)
             each = Description(image, TURNS[common], back.to[place], alone, one.scale[0], one.free[0], used)
-            if found is None or each.cost < found.cost:
-                found = each
+            if (cost := each.cost) < least:
+                found, least = each, cost
     assert found is not None, "the identity is one of the images"
     return found

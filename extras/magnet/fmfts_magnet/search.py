@@ -18,7 +18,7 @@ from fmfts_magnet.assignment import SCALES, assigned
 from fmfts_magnet.cost import Description, described
 from fmfts_magnet.magnet import Explanations, Fits, Fitter, Magnets, fields
 from fmfts_magnet.readings import Array, Board, Hand, Readings
-from fmfts_magnet.symmetry import TURNS, images
+from fmfts_magnet.symmetry import TURNS, images, numbers_of
 
 HEIGHTS_M = (0.012, 0.02, 0.032, 0.05, 0.08)
 START_HEIGHTS_M = (0.015, 0.03, 0.06)
@@ -211,5 +211,5 @@ class Search:
 
 def _key(one: Explanations) -> Key:
     scale = np.where(one.free[0], np.nan, one.scale[0])
-    turns = np.einsum("sij,cij->cs", TURNS, one.turn[0]).argmax(axis=1)
+    turns = numbers_of(one.turn[0])
     return (*one.place[0].tolist(), *turns.tolist(), *map(str, scale.tolist()), *one.used[0].tolist())

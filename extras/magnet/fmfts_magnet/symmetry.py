@@ -26,9 +26,9 @@ def _signed_permutations() -> Array:
 TURNS = _signed_permutations()
 
 
-def number_of(turn: Array) -> int:
-    """Which of TURNS this is."""
-    return int(np.argmax((TURNS * turn).sum(axis=(1, 2))))
+def numbers_of(turns: Array) -> NDArray[np.intp]:
+    """Which of TURNS each of these matrices (N, 3, 3) is, or is most like."""
+    return np.asarray(np.einsum("sij,cij->cs", TURNS, turns).argmax(axis=1), dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Image:
         whole = sense * np.linalg.det(self.matrix)
         before, after = board.axes[place], board.axes[self.to[place]]
         found = whole * turns @ before.transpose(0, 2, 1) @ self.matrix.T @ after
-        rounded = TURNS[np.argmax(np.einsum("sij,cij->cs", TURNS, found), axis=1)]
+        rounded = TURNS[numbers_of(found)]
         return rounded if np.abs(rounded - found).max() < ROUNDED else None
 
 
