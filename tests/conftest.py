@@ -56,7 +56,7 @@ settings.register_profile("few", settings.get_profile("deterministic"), max_exam
 settings.load_profile("deterministic")
 
 
-# Files that take long come first, so that no worker runs one alone at the end.
+# Files and tests that take long come first, so that no worker runs one alone at the end.
 LONGEST = {
     "test_magnet_check.py",
     "test_baseline_turn.py",
@@ -85,11 +85,16 @@ LONGEST = {
     "test_fault_drills.py",
     "test_fast_loop_of_a_board.py",
     "test_firmware_in_the_loop.py",
+    "test_emulator_load_cell.py",
+    "test_emulator_pad_of_eight.py",
+    "test_collect_array.py",
+    "test_two_fingers_of_the_demo_meet_and_part",
+    "test_early_samples_are_replayed_identically",
 }
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: item.path.name not in LONGEST)
+    items.sort(key=lambda item: (item.name not in LONGEST, item.path.name not in LONGEST))
 
 
 def pytest_collection_finish() -> None:

@@ -6,7 +6,7 @@ import ctypes
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.special import chdtri as chi2_of_tail
 
 from fmfts.common.record import Record
 from fmfts.contact import TouchDetector
@@ -47,7 +47,7 @@ def test_touch_begins_and_ends_as_docs_say(compiled: ctypes.CDLL) -> None:
     """Once an hour an unloaded pad exceeds the onset; five frames within the nearest 99 % end it. Of one magnet and of
     several."""
     random, detector, touched, quiet = np.random.default_rng(2), TouchDetector(RATE_HZ), False, 0
-    onset, release = chi2.isf(1.0 / 3600.0 / RATE_HZ, 5), chi2.isf(0.01, 5)
+    onset, release = chi2_of_tail(5, 1.0 / 3600.0 / RATE_HZ), chi2_of_tail(5, 0.01)
     assert detector.onset_chi2 == pytest.approx(onset, rel=1e-9)
     assert detector.release_chi2 == pytest.approx(release, rel=1e-9)
     assert detector.longest_gap_s == pytest.approx(5.5 / RATE_HZ)
@@ -79,7 +79,7 @@ def test_smoothed_pose_is_the_parabola_of_fading_least_squares(compiled: ctypes.
     poses[:, 2], poses[:, 5] = 12e-3, 1.0
     poses[:, 0] = 1e-5 * np.sin(5.0 * time_s) + 1e-6 * random.normal(size=count)
     parameters, memory = Record(PARAMETERS), memory_between("touched", "acceleration")
-    parameters.fill({"smoothing_s": memory_s, "smoothing_jump_chi2": chi2.isf(JUMP_PROBABILITY, 5)})
+    parameters.fill({"smoothing_s": memory_s, "smoothing_jump_chi2": chi2_of_tail(5, JUMP_PROBABILITY)})
     for pose in poses:
         question = np.concatenate([pose * in_its_units, covariance.ravel(), np.zeros(2)])
         compiled.fmfts_smooth(part_of(parameters), part_of(memory), 1.0 / RATE_HZ, pointer(question))

@@ -13,7 +13,7 @@ from fast_loop_host import Bus, Host, sample_of
 from hypothesis import given
 from hypothesis import strategies as st
 from test_link import Line, hello
-from test_never_fooled import BASELINE, CONFIG, is_wrong, taps
+from test_never_fooled import CONFIG, is_wrong, taps
 from test_pipeline import pipeline_of
 from test_time_gate import PERIOD_NS, PERIOD_US, line_after, of
 
@@ -24,6 +24,7 @@ from fmfts.sensor import Frame
 from fmfts.sensor.frame import AGE_UNKNOWN_US
 from fmfts.sensor.wire.framing import encode
 from fmfts.sensor.wire.packets import Early
+from fmfts_simulation.baseline import simulated_baseline
 from fmfts_skin.last_frame import LastFrame
 
 RATE_HZ = 220
@@ -127,7 +128,7 @@ def leapt(frames: list[Frame], power: int, way: int, first: int, count: int) -> 
 def test_pad_is_ok_soon_after_a_leap_of_a_second(power: int, way: int, first: int) -> None:
     """The frames of one second have wrong times. Nothing wrong is published, at the leap and after it."""
     frames = leapt(tapped()[: first + RATE_HZ + 2 * SOON], power, way, first, RATE_HZ)
-    pipeline = pipeline_of(CONFIG, BASELINE)
+    pipeline = pipeline_of(CONFIG, simulated_baseline(CONFIG))
     messages = [pipeline.process(frame) for frame in frames]
     assert not any(map(is_wrong, messages))
     assert all(message.health == "ok" for message in messages[first + SOON : first + RATE_HZ])
@@ -229,7 +230,7 @@ def with_early(frames: list[Frame], copies: int) -> Iterator[tuple[bytes, int]]:
 def test_early_samples_count_once_however_often_they_come(in_the_loop: bool) -> None:
     bus, published = Bus(), []
     for copies in (0, 1, 2):
-        host = Host(CONFIG, BASELINE, bus, may_express=in_the_loop)
+        host = Host(CONFIG, simulated_baseline(CONFIG), bus, may_express=in_the_loop)
         for data, arrival_ns in with_early(tapped()[100:250], copies):
             host.take(data, arrival_ns)
         if host.lent is not None:

@@ -33,7 +33,6 @@ from fmfts_simulation.baseline import simulated_baseline
 from fmfts_simulation.finger import Finger, Touch
 
 CONFIG = pad_config("drifting", 5)
-BASELINE = simulated_baseline(CONFIG)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +43,7 @@ def model() -> ContactModel:
 def pipeline_with(model: ContactModel, lead: Lead = LEAD) -> PadPipeline:
     tracking = tracking_model_for(CONFIG.scene, CONFIG.magnet).tracking
     pipeline = PadPipeline(CONFIG.pad(), model, "early", float(RATE_HZ), tracking, lead=lead)
-    pipeline.use(BASELINE)
+    pipeline.use(simulated_baseline(CONFIG))
     return pipeline
 
 
@@ -222,7 +221,7 @@ def test_early_samples_agree_in_the_fast_loop(bus: Bus) -> None:  # noqa: F811
     """Frames and samples as a line brings them, several in a read, with a status now and then that Python must read."""
 
     def told(may_express: bool) -> Told:
-        host = Host(CONFIG, BASELINE, bus, may_express)
+        host = Host(CONFIG, simulated_baseline(CONFIG), bus, may_express)
         host.take(encode(hello(4, can_send_early=1)), 10**9)
         pending = b""
         for number, packet in enumerate(sent_of(tapped, 0.4)):

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from fast_loop_host import LEAD, Bus, Host, sample_of
-from test_early import BASELINE, CONFIG, answer, frames_only, on_the_wire, pipeline_with, sent_of, tapped
+from test_early import CONFIG, answer, frames_only, on_the_wire, pipeline_with, sent_of, tapped
 from test_fast_loop import bus  # noqa: F401  (a fixture)
 from test_link import hello
 from test_pipeline import Bench
@@ -25,6 +25,7 @@ from fmfts.sensor.early import EarlySample
 from fmfts.sensor.frame import Frame
 from fmfts.sensor.wire.framing import encode
 from fmfts_lab.bench.now_early import Sent
+from fmfts_simulation.baseline import simulated_baseline
 from fmfts_simulation.finger import Touch
 
 ON_THE_LINE_NS = 900_000
@@ -40,7 +41,7 @@ def arrival_ns(packet: Sent) -> int:
 
 def test_refused_frame_gives_no_now_afterwards(bus: Bus) -> None:  # noqa: F811
     """A healthy frame of another board, pressed harder, with the next number and a clock that is 0.2 s ahead."""
-    host = Host(CONFIG, BASELINE, bus)
+    host = Host(CONFIG, simulated_baseline(CONFIG), bus)
     host.take(encode(hello(4, can_send_early=1)), 10**9)
     packets = sent_of(pressed_by(0.5), 0.5)
     mine, rest = packets[:-12], packets[-12:]
@@ -97,7 +98,7 @@ def channel_in_touch(bench: Bench) -> EarlySample:
 @pytest.mark.parametrize("late", [False, True])
 def test_sample_that_is_late_is_not_published(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     with Bench(CONFIG, lead=LEAD) as bench:
-        bench.pipeline.use(BASELINE)
+        bench.pipeline.use(simulated_baseline(CONFIG))
         early = channel_in_touch(bench)
         age_ns = OVERDUE_NS + 1_000_000 if late else 1_000_000
         monkeypatch.setattr(bench.pipeline, "host_time_ns", lambda device_us: time.monotonic_ns() - age_ns)
@@ -109,7 +110,7 @@ def test_sample_that_is_late_is_not_published(late: bool, monkeypatch: pytest.Mo
 def test_recorders_get_no_sample_before_state_that_answers_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """After a new baseline the state goes out with the next frame; a replay still has the old one until then."""
     with Bench(CONFIG, lead=LEAD) as bench:
-        bench.pipeline.use(BASELINE)
+        bench.pipeline.use(simulated_baseline(CONFIG))
         early, recorded, waits = channel_in_touch(bench), list[EarlyMessage](), True
         monkeypatch.setattr(bench.pipeline, "host_time_ns", lambda device_us: time.monotonic_ns())
         monkeypatch.setattr(bench._publisher, "frames_wanted", lambda pad, now_ns: True)

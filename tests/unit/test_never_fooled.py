@@ -21,14 +21,13 @@ RATE_HZ = 220
 # contact_of_pose.c: how long a temperature is held, and how far a magnet may be above its rest before that counts.
 HELD_S, LIFTED_S, RESTED_S = 5.0, 0.6, 0.15
 CONFIG = config_of(ambient="drifting")
-BASELINE = simulated_baseline(CONFIG)
 # Between the quiet and the pressed half of `taps`, its force is neither of the two.
 FORCE_N = 1.0
 
 
 @pytest.fixture
 def pipeline() -> PadPipeline:
-    return pipeline_of(CONFIG, BASELINE)
+    return pipeline_of(CONFIG, simulated_baseline(CONFIG))
 
 
 def taps(seconds: float) -> list[Frame]:

@@ -23,7 +23,6 @@ from fmfts_simulation.baseline import simulated_baseline
 from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
 
 CONFIG = array_config(seed=3)
-BASELINE = simulated_baseline(CONFIG)
 RATE_HZ, EARLY_S = 220, 1.1e-3
 OTHER = steady_finger(8e-3, 7e-3, 0.7)
 
@@ -37,7 +36,7 @@ def ready(early_s: float = 0.0) -> SeveralPipeline:
     made = pipeline_of(CONFIG, contact_model_of(CONFIG), "boot")
     assert isinstance(made, SeveralPipeline)
     made._lead = Lead(lead_of(CONFIG).frame_s, early_s)
-    made.use(BASELINE)
+    made.use(simulated_baseline(CONFIG))
     return made
 
 

@@ -22,7 +22,6 @@ from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_simulation.mounted_magnets import FieldOfFingers
 
 CONFIG = array_config(seed=8)
-BASELINE = simulated_baseline(CONFIG)
 COUNT, WHOLE = 150, 100  # frames; of the later ones, sensor 5 is silent
 THIRD = Touch(0.0, 9e-3, 0.3)  # which two fingers explain in some frames
 LEFT, RIGHT = steady_finger(-6e-3, -1e-3, 0.8), steady_finger(7e-3, 3e-3, 0.7)
@@ -48,7 +47,7 @@ def told(some: list[Frame], monkeypatch: pytest.MonkeyPatch, is_closer: bool) ->
     """The messages, and how many of the frames were ordinary."""
     made, ordinary = pipeline_of(CONFIG, contact_model_of(CONFIG), "boot"), 0
     assert isinstance(made, SeveralPipeline)
-    made.use(BASELINE)
+    made.use(simulated_baseline(CONFIG))
     estimator = made._estimator
     assert isinstance(estimator, FingersEstimator)
     as_before = estimator._as_before

@@ -25,7 +25,6 @@ from fmfts.sensor import Frame
 from fmfts_simulation.baseline import simulated_baseline
 
 CONFIG = config_of(5)
-BASELINE = simulated_baseline(CONFIG)
 PAD = CONFIG.pad()
 SIGHTING = Sighting.unseen(PAD).table.buffer
 NO_READINGS = bytes(8 * len(PAD.sensors))
@@ -190,12 +189,12 @@ class InPython(Inference):
 
 def pipelines() -> tuple[PadPipeline, PadPipeline, InPython]:
     """The same pad twice: with its network in C, and in Python."""
-    in_c, in_python = (pipeline_of(CONFIG, BASELINE) for _ in range(2))
+    in_c, in_python = (pipeline_of(CONFIG, simulated_baseline(CONFIG)) for _ in range(2))
     known = in_c.model.inference
     assert isinstance(known, NetworkInference)
     model = InPython(known.network, len(known.contact))
     in_python.model.inference = model
-    in_python.use(BASELINE)
+    in_python.use(simulated_baseline(CONFIG))
     return in_c, in_python, model
 
 

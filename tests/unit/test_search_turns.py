@@ -28,7 +28,6 @@ from fmfts_simulation.baseline import simulated_baseline
 from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
 
 CONFIG = array_config(seed=6)
-BASELINE = simulated_baseline(CONFIG)
 LEFT = steady_finger(-6e-3, -1e-3, 0.8)
 # 10 µT and more that change sign from sensor to sensor: no fingers make such a field.
 PATTERN = np.array([1, -1, 1, -1, -1, 1, 1, -1])[:, None] * np.array([140, 0, 140])
@@ -51,14 +50,14 @@ def beside_steel(frame: Frame) -> Frame:
 @cache
 def mounting() -> ArrayMounting:
     """The same for all, for it takes longer than the frames."""
-    return BASELINE.array_mounting(CONFIG.pad())
+    return simulated_baseline(CONFIG).array_mounting(CONFIG.pad())
 
 
 def ready(name: str = "pad") -> SeveralPipeline:
     config = CONFIG if name == "pad" else array_config(seed=6, name=name)
     made = pipeline_of(config, contact_model_of(config), "boot")
     assert isinstance(made, SeveralPipeline)
-    made.use(BASELINE, mounting())
+    made.use(simulated_baseline(CONFIG), mounting())
     return made
 
 

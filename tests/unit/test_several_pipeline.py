@@ -29,7 +29,6 @@ from fmfts_simulation.finger import Finger, Touch, no_finger, steady_finger
 from fmfts_simulation.source import TURNING_AXIS
 
 CONFIG = array_config(seed=3)
-BASELINE = simulated_baseline(CONFIG)
 PERIOD_NS = round(1e9 / 220)
 LEFT, RIGHT = steady_finger(-6e-3, -1e-3, 0.8), steady_finger(7e-3, 3e-3, 0.7)
 
@@ -42,7 +41,7 @@ def pipeline(config: PadConfig = CONFIG) -> SeveralPipeline:
 
 def ready() -> SeveralPipeline:
     made = pipeline()
-    made.use(BASELINE)
+    made.use(simulated_baseline(CONFIG))
     return made
 
 
@@ -191,7 +190,7 @@ def test_missing_rest_baseline_says_what_to_do() -> None:
     made = pipeline()
     first = told(made, frames(2))[-1]
     assert (first.health, first.contact, first.contacts) == ("no_baseline", None, None)
-    made.use(msgspec.structs.replace(BASELINE, rest=None))
+    made.use(msgspec.structs.replace(simulated_baseline(CONFIG), rest=None))
     assert told(made, frames(2))[-1].reason == BARE_ONLY
     made.refuse("another pad's")
     assert told(made, frames(2))[-1].reason == "another pad's"
@@ -314,7 +313,7 @@ def test_residual_is_of_the_sensors_that_are_used() -> None:
 def test_without_friction_no_shear_is_reported() -> None:
     contact = msgspec.structs.replace(CONFIG.contact, friction=0.0)
     made = pipeline(msgspec.structs.replace(CONFIG, contact=contact))
-    made.use(BASELINE)
+    made.use(simulated_baseline(CONFIG))
     message = told(made, frames(10, LEFT))[-1]
     assert message.contacts
     assert message.contacts[0].shear_x_n is message.contacts[0].shear_x_sd_n is message.shear_x_n is None
@@ -335,14 +334,16 @@ def test_turned_ambient_field_is_within_its_deviation() -> None:
 def test_new_baseline_begins_with_new_fingers_and_bad_one_changes_nothing() -> None:
     made = ready()
     before = told(made, frames(8, LEFT))[-1]
-    made.use(BASELINE)
+    made.use(simulated_baseline(CONFIG))
     after = told(made, frames(8, LEFT))[-1]
     assert before.contacts
     assert after.contacts
     assert after.contacts[0].id > before.contacts[0].id
-    rest = BASELINE.rest
+    rest = simulated_baseline(CONFIG).rest
     assert rest is not None
-    bad = msgspec.structs.replace(BASELINE, rest=msgspec.structs.replace(rest, mean_t=[[0.0] * 3] * 8))
+    bad = msgspec.structs.replace(
+        simulated_baseline(CONFIG), rest=msgspec.structs.replace(rest, mean_t=[[0.0] * 3] * 8)
+    )
     with pytest.raises(BaselineError):
         made.use(bad)
     assert told(made, frames(8, LEFT))[-1].health == "ok"
@@ -359,7 +360,7 @@ def test_silicone_that_comes_back_slowly_is_no_finger() -> None:
     for creep in (0.05, 0.0):
         silicone = SiliconeConfig(creep_per_decade=creep, hysteresis=creep / 2.0)
         made = pipeline(msgspec.structs.replace(CONFIG, silicone=silicone))
-        made.use(BASELINE)
+        made.use(simulated_baseline(CONFIG))
         messages = told(made, frames(770, finger))
         assert messages[300].contact
         assert all(message.health == "ok" for message in messages)
@@ -408,4 +409,4 @@ def test_pipeline_goes_on_from_another_s_memory_with_same_answers() -> None:
 def test_baseline_of_another_number_of_magnets_is_refused() -> None:
     fewer = msgspec.structs.replace(CONFIG, other_magnets=CONFIG.other_magnets[:2])
     with pytest.raises(BaselineError):
-        BASELINE.array_mounting(fewer.pad())
+        simulated_baseline(CONFIG).array_mounting(fewer.pad())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from contact_steps_in_c import SmootherInC
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri as chi2_of_tail
 
 Array = NDArray[np.float64]
 PERIOD_S = 1.0 / 220.0
@@ -56,7 +56,7 @@ def test_filter_begins_anew_where_noise_does_not_explain_a_pose(share: float, ju
     """An innovation has less than twice the variance of a pose; noise alone exceeds this one time in a thousand."""
     smoother = SmootherInC(MEMORY_S)
     smoothed(smoother, np.tile(REST, (20, 1)))
-    moved = REST - [0.0, 0.0, DEVIATION[2] * np.sqrt(2.0 * share * chi2.isf(1e-3, 5))]
+    moved = REST - [0.0, 0.0, DEVIATION[2] * np.sqrt(2.0 * share * chi2_of_tail(5, 1e-3))]
     assert (smoothed(smoother, moved[None])[0] == pytest.approx(moved, rel=1e-12)) == jumps
 
 
