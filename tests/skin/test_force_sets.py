@@ -17,13 +17,14 @@ from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.calibration.simulated import pressed_fields, rest_field_of
 from fmfts_skin.calibrate.force_command import KnownMagnet, evaluate_force_file, make_force_file
 from fmfts_skin.calibrate.force_set import read_force_set
-from fmfts_skin.force_model import ForceModel, ForceModelError
+from fmfts_skin.force_model import ForceModel, ForceModelError, FoundForces, Route, mean_of
 
 PAD = standard_pad()
 MAGNET = KnownMagnet(PAD, "constant", 2e-7, None)
 COLUMNS = [f"b{sensor}{axis}_ut" for sensor in (1, 2, 3, 4) for axis in "xyz"]
 FORCES = ["force_x_n", "force_y_n", "force_z_n"]
 NOISE_UT = 0.2
+ROUTES: tuple[Route, Route] = ("field", "pose")
 Edit = Callable[[int, dict[str, str]], None]
 
 
@@ -67,7 +68,7 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 def test_both_routes_are_judged_on_left_out_sessions(sessions: list[Path], tmp_path: Path) -> None:
     report = make_force_file(sessions, tmp_path / "a.force", MAGNET, None, _say)
-    assert [route["route"] for route in report["routes"]] == ["field", "pose"]
+    assert [route["route"] for route in report["routes"]] == ["field", "pose", "both"]
     for route in report["routes"]:
         whole = route["rows"][0]
         assert route["left_out"] == "sessions"
@@ -78,6 +79,52 @@ def test_both_routes_are_judged_on_left_out_sessions(sessions: list[Path], tmp_p
     assert model.sessions == 3
     assert model.coverage.rows == 930
     assert json.loads((tmp_path / "a.json").read_text()) == report
+
+
+def test_both_routes_are_weighed_where_neither_is_better_everywhere(sessions: list[Path], tmp_path: Path) -> None:
+    """z is better by both than by either; x and y by more than the middle between them. The deviations hold."""
+    target = tmp_path / "both.force"
+    report = make_force_file(sessions[:2], target, MAGNET, None, _say)
+    field, pose, both = (route["rows"][0] for route in report["routes"])
+    assert report["chosen"] == "both"
+    for axis in "xyz":
+        each = [one[f"rms_{axis}_n"] for one in (field, pose)]
+        assert both[f"rms_{axis}_n"] < 0.5 * sum(each)
+    assert both["rms_z_n"] < min(field["rms_z_n"], pose["rms_z_n"])
+    model = ForceModel.of(target.read_bytes(), "both")
+    assert model.coverage.beyond_5 <= 0.001
+    known = np.isfinite(np.zeros(len(model.names)))
+    assert [one.known.sum() for one in model.maps_of(known)] == [12, 5]
+    other = evaluate_force_file(sessions[2:], target, MAGNET).rows()[0]
+    assert other["within_2"] >= 0.9
+    assert other["beyond_5"] <= 0.001
+    alone = [evaluate_force_file(sessions[2:], _made(sessions, tmp_path, one), MAGNET).rows()[0] for one in ROUTES]
+    assert other["rms_z_n"] < max(one["rms_z_n"] for one in alone)
+
+
+def _made(sessions: list[Path], folder: Path, route: Route) -> Path:
+    make_force_file(sessions[:2], folder / f"{route}.force", MAGNET, route, _say)
+    return folder / f"{route}.force"
+
+
+def test_mean_of_two_answers_leans_on_the_surer_one() -> None:
+    """It claims no more than the surer one."""
+    sure, unsure = (FoundForces(*(np.full((1, 3), one) for one in two), np.ones(1)) for two in ((1, 0.01), (2, 0.09)))
+    found = mean_of([sure, unsure])
+    np.testing.assert_allclose(found.force, 1.1)
+    np.testing.assert_allclose(found.variance, 0.018)
+
+
+def test_mean_of_two_answers_is_honest_however_errors_correlate() -> None:
+    random = np.random.default_rng(3)
+    for common in (-1.0, 0.0, 0.7, 1.0):
+        drawn = random.multivariate_normal([0.0, 0.0], [[1.0, common], [common, 1.0]], 20_000)
+        answers = [
+            FoundForces(size * drawn[:, [column]], np.full((20_000, 1), size * size), np.ones(20_000))
+            for column, size in enumerate((0.1, 0.3))
+        ]
+        found = mean_of(answers)
+        assert np.mean(found.force**2) <= 1.03 * np.mean(found.variance)
 
 
 def test_single_session_states_deviations_that_hold_on_the_next(sessions: list[Path], tmp_path: Path) -> None:
@@ -134,7 +181,7 @@ def test_chips_with_fewer_axes_are_calibrated(sessions: list[Path], tmp_path: Pa
             writer.writerows(rows)
     magnet = MAGNET if axes == "xz" else None
     report = make_force_file(fewer, tmp_path / "fewer.force", magnet, None, _say)
-    assert len(report["routes"]) == (2 if magnet else 1)
+    assert len(report["routes"]) == (3 if magnet else 1)
     for route in report["routes"]:
         assert route["rows"][0]["rms_z_n"] < 0.25
         assert 0.9 <= route["rows"][0]["within_2"] <= 1.0

@@ -3,14 +3,16 @@
     force(x) = Σ w_p · Π x_i^e_pi        x: the change from rest over the scale of the rest; no change is no force
 
 Each set of values that are known together has a polynomial of its own: a value that is clipped or missing is left out
-alone. A force's variance has two parts: how far presses that the fit was not told were missed, more where the
-polynomial is extended beyond its presses; and what another day does to the force. Both are the same in the next frame,
-so no average over frames makes them smaller.
+alone. A model of both routes has polynomials of either: a force is their mean, weighed by their variances. A force's
+variance has two parts: how far presses that the fit was not told were missed, more where the polynomial is extended
+beyond its presses; and what another day does to the force. Both are the same in the next frame, so no average over
+frames makes them smaller.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Literal, NamedTuple
@@ -24,7 +26,7 @@ from fmfts.common.reading import damage_told
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Route = Literal["field", "pose"]
+Route = Literal["field", "pose", "both"]
 FORMAT = "fmfts force model 1"
 # A value of a sensor, counted from 1, and its axis; or a component of a pose.
 VALUE_NAME = re.compile(r"b([1-9][0-9]?)([xyz])|[abcmn]")
@@ -79,6 +81,20 @@ class ForceMap:
                 slopes[value, number] += np.prod(values[list(term[:at] + term[at + 1 :])])
         by_value: Array = product(slopes / self.scale, self.weight)
         return by_value
+
+
+def mean_of(answers: Sequence[FoundForces]) -> FoundForces:
+    """The mean of answers by their variances, with the larger leverage.
+
+    Its variance is right whatever the errors have in common: covariance intersection (S. Julier, J. Uhlmann, Proc.
+    American Control Conference 1997, 2369) with equal weights.
+    """
+    if len(answers) == 1:
+        return answers[0]
+    weights = [1.0 / (len(answers) * one.variance) for one in answers]
+    variance = 1.0 / sum(weights[1:], weights[0])
+    force = sum((weight * one.force for weight, one in zip(weights, answers, strict=True)), np.zeros(variance.shape))
+    return FoundForces(force * variance, variance, np.max([one.leverage for one in answers], axis=0))
 
 
 def exponents(known: Mask, power: int) -> list[tuple[int, ...]]:
@@ -140,10 +156,20 @@ class ForceModel(_Facts, frozen=True):
 
     maps: tuple[ForceMap, ...]
 
-    def map_of(self, known: Mask) -> ForceMap | None:
-        """The polynomial that uses most of the `known` values (V,); None if all need more of them."""
+    def maps_of(self, known: Mask) -> list[ForceMap]:
+        """Of each route the polynomial that uses most of the `known` values (V,); without one if all need more."""
+        poses = np.array([len(name) == 1 for name in self.names])
         usable = [one for one in self.maps if not (one.known & ~known).any()]
-        return max(usable, key=lambda one: int(one.known.sum()), default=None)
+        by_route = [[one for one in usable if not (one.known & other).any()] for other in (poses, ~poses)]
+        return [max(own, key=lambda one: int(one.known.sum())) for own in by_route if own]
+
+    def slope(self, values: Array) -> Array:
+        """(V, 3): how the force changes with each of the values (V,), as far as these are known."""
+        known = np.isfinite(values)
+        filled, maps = np.where(known, values, 0.0), self.maps_of(known)
+        weight = np.array([1.0 / one.find(filled[None]).variance[0] for one in maps])
+        slopes = np.array([one.slope(filled) for one in maps])
+        return np.asarray((weight[:, None] * slopes).sum(axis=0) / weight.sum(axis=0))
 
     def find(self, values: Array) -> FoundForces:
         """Forces of changes over the scale of the rest (K, V); NaN where a value is not known."""
@@ -156,9 +182,10 @@ class ForceModel(_Facts, frozen=True):
         known = np.isfinite(values)
         for pattern in np.unique(known, axis=0):
             members = (known == pattern).all(axis=1)
-            polynomial = self.map_of(pattern)
-            if polynomial is not None:
-                one = polynomial.find(np.where(pattern, values[members], 0.0))
+            maps = self.maps_of(pattern)
+            if maps:
+                filled = np.where(pattern, values[members], 0.0)
+                one = mean_of([polynomial.find(filled) for polynomial in maps])
                 day = self.day_share * self.day_share * (one.force * one.force).sum(axis=1)
                 widened = np.array(self.widened)
                 found.force[members] = one.force

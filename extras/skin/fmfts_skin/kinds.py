@@ -32,7 +32,8 @@ class FieldResponses:
 
         per_k = config.magnet.temperature_coefficient_per_k
         rate_hz, ambient_t = float(config.source.rate_hz), several_scene_of(config).ambient_t
-        return SkinPipeline(config.pad(), model, boot, rate_hz, ambient_t, per_k, hand_of(config))
+        hand, scene = hand_of(config), config.scene.solved
+        return SkinPipeline(config.pad(), model, boot, rate_hz, ambient_t, per_k, hand, scene)
 
 
 class ForceModels(FieldResponses):

@@ -17,6 +17,7 @@ from fmfts_skin.force_model import ForceModel, ForceModelError
 
 # Loads for which a message has a field, or which at least give a place.
 TOLD_LOADS = ("force_n", "depth_mm")
+MADE_FROM = {"field": "the field", "both": "the field and the magnet's pose"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +88,7 @@ class SkinForceModel:
     @property
     def told(self) -> str:
         """What it is, in a few words for the log."""
-        return "unknown magnets, force in three directions"
+        return f"force in three directions, from {MADE_FROM[self.forces.route]}"
 
     @property
     def calibrated_range(self) -> dict[str, object]:
@@ -103,9 +104,15 @@ class SkinForceModel:
     def largest_load(self) -> float:
         return self.forces.largest_n
 
+    @property
+    def needs_poses(self) -> bool:
+        """Of the pad's one magnet."""
+        return self.forces.route != "field"
+
     def values(self) -> NDArray[np.intp]:
-        """(V,): which of a frame's (3N,) fields the values are."""
-        return np.array([3 * int(name[1:-1]) - 3 + "xyz".index(name[-1]) for name in self.forces.names])
+        """(C,): which of a frame's (3N,) fields it reads."""
+        fields = [name for name in self.forces.names if len(name) > 1]
+        return np.array([3 * int(name[1:-1]) - 3 + "xyz".index(name[-1]) for name in fields])
 
     @classmethod
     def load(cls, path: Path, sensors: int) -> SkinForceModel:
@@ -116,10 +123,10 @@ class SkinForceModel:
             forces = ForceModel.of(content, str(path))
         except ForceModelError as error:
             raise ModelError(f"contact model {error}; `fmfts-daemon calibrate` makes one of forces") from error
-        if forces.route != "field":
+        if forces.route == "pose":
             raise ModelError(
-                f"contact model {path}: goes from poses to forces, which a running pad does not do: "
-                "`calibrate … --route field`"
+                f"contact model {path}: goes from poses alone to forces, which a running pad does not do: "
+                "`calibrate … --route both`"
             )
         model = cls(forces, hash_of(content))
         if model.values().max() >= 3 * sensors:

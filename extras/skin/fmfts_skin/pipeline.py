@@ -23,10 +23,12 @@ from fmfts.pose.hand import Hand
 from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
 from fmfts.sensor.missing import missing_sensors
+from fmfts_calibrate.tracked import Scene
 from fmfts_skin.estimator import SkinEstimator
 from fmfts_skin.force_estimator import ForceEstimator
 from fmfts_skin.judged_in_python import JudgedInPython
 from fmfts_skin.model import SkinForceModel, SkinModel
+from fmfts_skin.pose_values import PoseValues
 from fmfts_skin.rested import RestedPad, SkinMemory, SkinReading
 
 BARE_ONLY = "rest not recorded: `fmfts-daemon baseline --rest` while nothing touches the pad"
@@ -47,7 +49,7 @@ class SkinPipeline(JudgedInPython):
     """Makes a message of each frame of one pad whose magnets are unknown.
 
     ambient_t: by how much the ambient field may change, along each axis. magnet_per_k: temperature coefficient of the
-    remanence.
+    remanence. scene: whether poses leave the ambient field free.
     """
 
     memory_kind = SkinPipelineMemory
@@ -61,9 +63,10 @@ class SkinPipeline(JudgedInPython):
         ambient_t: float,
         magnet_per_k: float,
         hand: Hand | None = None,
+        scene: Scene = "drifting",
     ) -> None:
         super().__init__(pad, model.hash, boot, rate_hz, hand)
-        self.model, self._ambient_t, self._magnet_per_k = model, ambient_t, magnet_per_k
+        self.model, self._ambient_t, self._magnet_per_k, self._scene = model, ambient_t, magnet_per_k, scene
         self._estimator: RestedPad | None = None
         self._at_first: SkinMemory | None = None  # the estimator's memory before any frame
 
@@ -89,13 +92,19 @@ class SkinPipeline(JudgedInPython):
         repeats = repeats_allowed(mounting.noise_t, self.pad.chip.coarseness_t(baseline.rest.gain_code))
         rested = self.pad, mounting, self._ambient_t, self._rate_hz, repeats, self._magnet_per_k
         if isinstance(self.model, SkinForceModel):
-            self._estimator = ForceEstimator(*rested, self.model)
+            poses = self._poses_of(baseline, mounting) if self.model.needs_poses else None
+            self._estimator = ForceEstimator(*rested, self.model, poses)
         else:
             self._estimator = SkinEstimator(*rested, self.model.response)
         self._at_first = deepcopy(self._estimator.memory)
         if self.hand is not None:
             self.hand.use(None if baseline.posture is None else baseline.posture.model())
         return mounting
+
+    def _poses_of(self, baseline: Baseline, rest: RestField) -> PoseValues:
+        return PoseValues(
+            self.pad, rest.rest_t, self._scene, float(np.nanmean(rest.noise_t)), baseline.mounting(self.pad)
+        )
 
     def feel(self, neighbour: Sighting, placement: Placement) -> None:
         """Does nothing: such a pad's configuration names no neighbours (checks.py)."""

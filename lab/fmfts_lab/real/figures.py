@@ -24,7 +24,7 @@ from fmfts_lab.real.unlabelled import (
 )
 from fmfts_lab.real.untouched_hand import HandRows, coverage, judged, line_of
 from fmfts_lab.real.waved_boards import BOARDS, apart, chi_square_per_value, file_of, turned
-from fmfts_skin.calibrate.force_judge import make_route
+from fmfts_skin.calibrate.force_judge import make_routes
 
 GAUSS_UT = 100.0
 FORCE_BINS, TIMES = 8, 24
@@ -54,7 +54,9 @@ def sold_sensor(folder: Path) -> Shown:
         "Stated deviations (dashed) follow the errors on another day", "force, N", "rms error of each direction, N"
     )
     data = read(folder)
-    judged = make_route(field_presses(data), data.clipped, data.sessions, "two sessions", shown.lines.append).left_out
+    parts = [field_presses(data)]
+    (route,) = make_routes(parts, data.clipped, data.sessions, "two sessions", shown.lines.append)
+    judged = route.left_out
     shown.lines.append(printed(judged.rows()))
     size = np.linalg.norm(judged.force_n, axis=1)
     edges = np.quantile(size, np.linspace(0.0, 1.0, FORCE_BINS + 1))

@@ -7,7 +7,7 @@ day's forces that `calibrate` states as its prior.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,17 +20,22 @@ from fmfts_lab.real.sold_sensor import CLIPPED_MT, SESSIONS, written_session
 from fmfts_lab.real.unlabelled import FIRST_SHARE, learned_from, poses_of, refined, session_t, untouched
 from fmfts_skin.calibrate.field_fit import LOAD_SHARE
 from fmfts_skin.calibrate.force_fit import RIDGE, Presses
-from fmfts_skin.calibrate.force_judge import coverage_of, make_route
-from fmfts_skin.calibrate.force_pose import AXIS, FIELD_BY_HEIGHT, NAMES, PART
+from fmfts_skin.calibrate.force_judge import coverage_of, make_routes
+from fmfts_skin.calibrate.force_pose import AXIS, PART
 from fmfts_skin.calibrate.force_set import ForceSet, read_force_set
 from fmfts_skin.force_model import Mask, monomials
+from fmfts_skin.pose_values import NAMES, unit_of
 
 CORRECTION = LOAD_SHARE["force_n"]
 DRAWS = 40  # draws of known presses; a row states their mean
 FIRM = 0.5  # known presses are among the harder half
 KNOWN = (0, 1, 5)
-BOTH = "both of them"
+BOTH = "`calibrate`, both weighed"
 UNCLIPPED = "each by the other, no value clipped"
+# Each decade of presses of a day softens the elastomer by this share: of 0, 5, 10, 13, 16 and 20 % it leaves least of
+# the first day's left-out eighths. EARLIER: presses before the recording. MIDDLE: forces are told as after so many.
+SOFTER_BY_DECADE, EARLIER, MIDDLE = 0.1, 10, 300
+SOFTENING = f"{BOTH}, softening counted"
 NEURONS = (10,)  # the paper's network
 # Of some rows, by others: forces (K, 3) and their variance (K, 3).
 Answer = tuple[Array, Array]
@@ -51,7 +56,7 @@ class Row:
     @property
     def states_deviations(self) -> bool:
         """The others are judged by their error on left-out eighths of the day that they learnt."""
-        return "calibrate" in self.method or self.method == BOTH
+        return "calibrate" in self.method
 
     @property
     def size_n(self) -> float:
@@ -77,7 +82,7 @@ def pose_presses(data: ForceSet, folder: Path) -> Presses:
     first, second = (session_t(name, folder) for name in SESSIONS)
     learned = learned_from(first[: round(FIRST_SHARE * len(first))])
     height_m = float(learned.drawing.geometry(learned.fit.vector).rest.position_m[2])
-    unit = np.array([height_m / FIELD_BY_HEIGHT] * 3 + [1.0, 1.0])
+    unit = unit_of(height_m)
     values = []
     for own, day in ((learned, first), refined(learned, second)):
         poses = poses_of(own, day)[:, : len(NAMES)]
@@ -85,26 +90,27 @@ def pose_presses(data: ForceSet, folder: Path) -> Presses:
     return Presses("pose", NAMES, np.concatenate(values), PART, AXIS, data.force_n, data.session)
 
 
-def both(one: Answer, other: Answer) -> Answer:
-    """The mean of two answers by their variances. Its variance is right whatever the errors have in common: covariance
-    intersection (S. Julier, J. Uhlmann, Proc. American Control Conference 1997, 2369) with equal weights.
-    """
-    (force, variance), (other_force, other_variance) = one, other
-    weight, other_weight = 0.5 / variance, 0.5 / other_variance
-    total = weight + other_weight
-    return (weight * force + other_weight * other_force) / total, 1.0 / total
-
-
-def by_calibrate(presses: Presses, data: ForceSet) -> tuple[Answer, Answer]:
-    """The results of `calibrate` on left-out eighths of each day, and on each day by a model of the other."""
-    own = np.full((2, *data.force_n.shape), np.nan)
+def by_calibrate(parts: Sequence[Presses], data: ForceSet) -> list[tuple[Answer, Answer]]:
+    """The results of `calibrate` on left-out eighths of each day, and on each day by a model of the other: of each
+    part, and of both weighed."""
+    across = [one.left_out.found for one in make_routes(parts, data.clipped, data.sessions, "another day", _silent)]
+    own = [(np.full(data.force_n.shape, np.nan), np.full(data.force_n.shape, np.nan)) for _ in across]
     for number, _ in enumerate(data.sessions):
         day = data.session == number
-        alone = replace(presses.rows(day), session=np.zeros(day.sum(), dtype=np.intp))
-        left = make_route(alone, data.clipped[day], ("",), "one day", _silent).left_out.found
-        own[0, day], own[1, day] = left.force, left.variance
-    across = make_route(presses, data.clipped, data.sessions, "another day", _silent).left_out.found
-    return (own[0], own[1]), (across.force, across.variance)
+        alone = [replace(one.rows(day), session=np.zeros(day.sum(), dtype=np.intp)) for one in parts]
+        left = make_routes(alone, data.clipped[day], ("",), "one day", _silent)
+        for (force, variance), one in zip(own, left, strict=True):
+            force[day], variance[day] = one.left_out.found.force, one.left_out.found.variance
+    return [(one, (other.force, other.variance)) for one, other in zip(own, across, strict=True)]
+
+
+def by_softened(parts: Sequence[Presses], data: ForceSet) -> tuple[Answer, Answer]:
+    """Both weighed, with forces as they were at the MIDDLE of a day whose presses soften the elastomer."""
+    number = np.concatenate([np.arange(np.sum(data.session == one)) for one, _ in enumerate(data.sessions)])
+    share = 1.0 - SOFTER_BY_DECADE * np.log10((number[:, None] + EARLIER) / MIDDLE)
+    at_middle = [replace(one, force_n=one.force_n / share) for one in parts]
+    own, across = ((share * force, share**2 * variance) for force, variance in by_calibrate(at_middle, data)[-1])
+    return own, across
 
 
 def by_fit(fitted: Callable[[Mask, Mask], Array], presses: Presses, data: ForceSet) -> tuple[Answer, Answer]:
@@ -171,11 +177,13 @@ def rms(error: Array) -> Array:
 def rows_of(folder: Path) -> Iterator[Row]:
     data = read(folder)
     field = field_presses(data)
-    by_field, by_pose = by_calibrate(field, data), by_calibrate(pose_presses(data, folder), data)
+    parts = field, pose_presses(data, folder)
+    by_field, by_pose, by_both = by_calibrate(parts, data)
     methods: dict[str, Callable[[], tuple[Answer, Answer]]] = {
         "`calibrate`, field": lambda: by_field,
         "`calibrate`, pose": lambda: by_pose,
-        BOTH: lambda: (both(by_field[0], by_pose[0]), both(by_field[1], by_pose[1])),
+        BOTH: lambda: by_both,
+        SOFTENING: lambda: by_softened(parts, data),
         "network, field": lambda: by_fit(by_network(data), field, data),
         "polynomial, field": lambda: by_fit(by_polynomial(data), field, data),
     }

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fmfts.common.reading import read_regular
 from fmfts.pad import Pad
 from fmfts_calibrate.command import report_of, write_model
@@ -14,7 +16,7 @@ from fmfts_calibrate.field_table import DataError
 from fmfts_calibrate.labelled_poses import Say
 from fmfts_calibrate.tracked import Scene
 from fmfts_skin.calibrate.force_fit import GAIN, OFFSET, ROTATION_RAD, Presses
-from fmfts_skin.calibrate.force_judge import Judged, choose, make_route
+from fmfts_skin.calibrate.force_judge import Judged, choose, make_routes
 from fmfts_skin.calibrate.force_pose import pose_presses
 from fmfts_skin.calibrate.force_set import ForceSet, read_force_set
 from fmfts_skin.force_model import LARGEST_BYTES, ForceModel, Route
@@ -35,14 +37,14 @@ def make_force_file(
 ) -> dict[str, Any]:
     """Make a force model of the sets; write it and its report (.json); return the report.
 
-    magnet: None: its pose is not known, so there is only the field route. only: the route to take; None: the better.
+    magnet: None: its pose is not known, so there is only the field route. only: the route to take; None: the best.
     Raises DataError, and OSError where the files cannot be written.
     """
     report = report_of(target, "MODEL.force")
     data = read_force_set(sources)
     origin = f"{', '.join(source.name for source in sources)} {data.digest[:12]}"
-    routes = [make_route(presses, data.clipped, data.sessions, origin, say) for presses in _presses(data, magnet, only)]
-    chosen = choose(routes)
+    routes = make_routes(_presses(data, magnet, only), data.clipped, data.sessions, origin, say)
+    chosen = choose(routes, only)
     content = chosen.model.encoded()
     facts = {
         "data": [source.name for source in sources],
@@ -60,15 +62,15 @@ def evaluate_force_file(sources: Sequence[Path], model: Path, magnet: KnownMagne
     """The report of the model at `model` on the sets. DataError, ForceModelError."""
     loaded = ForceModel.of(read_regular(model, LARGEST_BYTES), str(model))
     data = read_force_set(sources)
-    if loaded.route == "pose" and magnet is None:
-        raise DataError(f"{model}: goes from poses to forces, so it needs the pad's configuration: --config pad.toml")
-    (presses,) = _presses(data, magnet, loaded.route)
-    if presses.names != loaded.names:
-        raise DataError(
-            f"{sources[0]}: has values {', '.join(presses.names)}; the model is of {', '.join(loaded.names)}"
-        )
+    if loaded.route != "field" and magnet is None:
+        raise DataError(f"{model}: takes the magnet's pose, so it needs the pad's configuration: --config pad.toml")
+    parts = _presses(data, magnet, loaded.route)
+    has = sum((part.names for part in parts), ())
+    if has != loaded.names:
+        raise DataError(f"{sources[0]}: has values {', '.join(has)}; the model is of {', '.join(loaded.names)}")
     names = tuple(data.sessions[one] for one in data.session)
-    return Judged(data.force_n, loaded.find(presses.values), data.clipped, names)
+    found = loaded.find(np.concatenate([part.values for part in parts], axis=1))
+    return Judged(data.force_n, found, data.clipped, names)
 
 
 def _presses(data: ForceSet, magnet: KnownMagnet | None, only: Route | None) -> list[Presses]:
@@ -78,6 +80,6 @@ def _presses(data: ForceSet, magnet: KnownMagnet | None, only: Route | None) -> 
         out.append(Presses("field", data.names, *field, data.force_n, data.session))
     if magnet is not None and only != "field":
         out.append(pose_presses(data, magnet.pad, magnet.scene, magnet.noise_t, magnet.baseline))
-    if not out:
+    if magnet is None and only in ("pose", "both"):
         raise DataError("the pose route needs the pad's configuration: --config pad.toml")
     return out

@@ -1,8 +1,9 @@
-"""Makes a force model by each route, judges both on left-out sessions, and chooses one."""
+"""Makes a force model by each route and by both weighed, judges them on left-out sessions, and chooses one."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from fmfts_calibrate.field_table import DataError
 from fmfts_calibrate.labelled_poses import Say
 from fmfts_skin.calibrate.field_fit import LOAD_SHARE
 from fmfts_skin.calibrate.force_fit import Presses, fit_maps
-from fmfts_skin.force_model import DIRECTIONS, Coverage, ForceModel, FoundForces, Mask
+from fmfts_skin.force_model import DIRECTIONS, Coverage, ForceMap, ForceModel, FoundForces, Mask
 
 # The stated prior weighs as much as this many left-out sessions.
 PRIOR_SESSIONS = 2.0
@@ -67,24 +68,50 @@ class Route:
     def facts(self) -> dict[str, Any]:
         return {
             "route": self.model.route,
-            "power": self.model.maps[0].power,
+            "powers": [one.power for one in self.model.maps_of(np.ones(len(self.model.names), dtype=np.bool_))],
             "widened": [rounded(one) for one in self.model.widened],
             "left_out": self.model.coverage.left_out,
             "rows": self.left_out.rows(),
         }
 
 
-def make_route(presses: Presses, clipped: Mask, sessions: tuple[str, ...], origin: str, say: Say) -> Route:
-    """Fit the presses, and judge fits of a part of them on what was left out. sessions: their names."""
-    folds = presses.folds()
+def make_routes(
+    parts: Sequence[Presses], clipped: Mask, sessions: tuple[str, ...], origin: str, say: Say
+) -> list[Route]:
+    """Fit each part, and judge fits to some of its rows on what was left out; of two parts, also both weighed.
+
+    parts: the same presses, each by a route. sessions: their names.
+    """
+    folds = parts[0].folds()
+    each = []
+    for part in parts:
+        by_fold = {one: fit_maps(part.rows(folds != one), origin, _silent) for one in np.unique(folds)}
+        each.append(_Fitted(part, fit_maps(part, origin, say), by_fold))
+    together = [[one] for one in each] + ([each] if len(each) > 1 else [])
+    return [_route(one, clipped, sessions, origin) for one in together]
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """maps: of all presses. by_fold: of the presses outside of a fold."""
+
+    presses: Presses
+    maps: tuple[ForceMap, ...]
+    by_fold: dict[int, tuple[ForceMap, ...]]
+
+
+def _route(each: Sequence[_Fitted], clipped: Mask, sessions: tuple[str, ...], origin: str) -> Route:
+    parts, presses = [one.presses for one in each], each[0].presses
+    values, folds = np.concatenate([part.values for part in parts], axis=1), presses.folds()
     several = len(np.unique(presses.session)) > 1
     found = FoundForces(
         np.full(presses.force_n.shape, np.nan), np.full(presses.force_n.shape, np.nan), np.full(len(folds), np.nan)
     )
     for fold in np.unique(folds):
         out = folds == fold
-        told = _model(presses.rows(~out), UNLEARNT, None, origin, _silent)
-        for target, answer in zip(found, told.find(presses.values[out]), strict=True):
+        maps = [one.by_fold[fold] for one in each]
+        told = _model([part.rows(~out) for part in parts], maps, UNLEARNT, None, origin)
+        for target, answer in zip(found, told.find(values[out]), strict=True):
             target[out] = answer
     names = tuple(sessions[one] for one in presses.session)
     judged = Judged(presses.force_n, found, clipped, names)
@@ -95,7 +122,7 @@ def make_route(presses: Presses, clipped: Mask, sessions: tuple[str, ...], origi
     if not several:
         coverage = Coverage("eighths of the time", coverage.rows, coverage.rms_n, coverage.within_2, coverage.beyond_5)
     widened = _learnt(presses, found) if several else UNLEARNT
-    return Route(_model(presses, widened, coverage, origin, say), judged)
+    return Route(_model(parts, [one.maps for one in each], widened, coverage, origin), judged)
 
 
 def _learnt(presses: Presses, found: FoundForces) -> tuple[float, float, float]:
@@ -108,12 +135,22 @@ def _learnt(presses: Presses, found: FoundForces) -> tuple[float, float, float]:
 
 
 def _model(
-    presses: Presses, widened: tuple[float, float, float], coverage: Coverage | None, origin: str, say: Say
+    parts: Sequence[Presses],
+    maps: Sequence[tuple[ForceMap, ...]],
+    widened: tuple[float, float, float],
+    coverage: Coverage | None,
+    origin: str,
 ) -> ForceModel:
     unjudged = Coverage("sessions", 0, (0.0, 0.0, 0.0), 0.0, 0.0)
+    presses, counts = parts[0], [len(part.names) for part in parts]
+    placed = [
+        replace(one, known=np.pad(one.known, (sum(counts[:at]), sum(counts[at + 1 :]))))
+        for at, own in enumerate(maps)
+        for one in own
+    ]
     return ForceModel(
-        presses.route,
-        presses.names,
+        presses.route if len(parts) == 1 else "both",
+        sum((part.names for part in parts), ()),
         len(np.unique(presses.session)),
         LOAD_SHARE["force_n"],
         widened,
@@ -121,18 +158,20 @@ def _model(
         -1.0 if presses.force_n[:, 2].mean() < 0.0 else 1.0,
         coverage or unjudged,
         origin,
-        fit_maps(presses, origin, say),
+        tuple(placed),
     )
 
 
-def choose(routes: list[Route]) -> Route:
-    """The route with the smaller error on left-out rows, each direction by the forces' own size."""
+def choose(routes: list[Route], only: str | None = None) -> Route:
+    """The route `only`, else what a running pad can do with the smallest error on left-out rows, each direction by the
+    forces' own size."""
     size = np.sqrt(np.mean(routes[0].left_out.force_n ** 2, axis=0))
 
     def error(route: Route) -> float:
         return float(np.sum((np.array(route.model.coverage.rms_n) / size) ** 2))
 
-    return min(routes, key=error)
+    allowed = ("field", "both") if only is None else (only,)
+    return min((one for one in routes if one.model.route in allowed), key=error)
 
 
 def _silent(_: str) -> None:

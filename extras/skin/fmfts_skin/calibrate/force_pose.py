@@ -8,15 +8,13 @@ import numpy as np
 
 from fmfts.pad import Array, Pad
 from fmfts_calibrate.field_table import DataError, mounting_of
-from fmfts_calibrate.tracked import FrameSolver, Scene
+from fmfts_calibrate.tracked import Scene
 from fmfts_skin.calibrate.force_fit import Presses
 from fmfts_skin.calibrate.force_set import ForceSet
+from fmfts_skin.pose_values import NAMES, PoseValues
 
-NAMES = ("a", "b", "c", "m", "n")
 # The position turns and grows as one, and so does the tilt.
 PART, AXIS = np.array([0, 0, 0, 1, 1]), np.array([0, 1, 2, 0, 1])
-# A magnet that moves by a share of its height changes the field by three times that share.
-FIELD_BY_HEIGHT = 3.0
 
 
 def pose_presses(data: ForceSet, pad: Pad, scene: Scene, noise_t: float, baseline: Path | None = None) -> Presses:
@@ -26,19 +24,14 @@ def pose_presses(data: ForceSet, pad: Pad, scene: Scene, noise_t: float, baselin
     """
     field_t, bound_t = (_by_sensor(data, values, pad) for values in (data.field_ut, data.bound_ut))
     mounting = None if baseline is None else mounting_of(baseline, pad)
-    if mounting is not None:
-        field_t, bound_t = (np.array([mounting.magnet_field(one) for one in some]) for some in (field_t, bound_t))
     values = np.full((len(field_t), len(NAMES)), np.nan)
-    height_mm = float(np.linalg.norm(pad.rest_position_m - pad.sensors.position_m.mean(axis=0))) * 1e3
-    unit = np.array([height_mm / FIELD_BY_HEIGHT] * 3 + [1.0, 1.0])
     for session in np.unique(data.session):
         rows = np.flatnonzero(data.session == session)
-        rest = _by_sensor(data, data.rest_ut(int(session))[None], pad)[0]
-        solver = FrameSolver(pad, rest, scene, noise_t, mounting)
-        if not np.isfinite(solver.remanence_t):
+        rest_t = _by_sensor(data, data.rest_ut(int(session))[None], pad)[0]
+        poses = PoseValues(pad, rest_t, scene, noise_t, mounting)
+        if not np.isfinite(poses.solver.remanence_t):
             raise DataError(f"session {data.sessions[session]!r}: no magnet of this pad explains its rest field")
-        pose = solver.solved_if_possible(field_t[rows], bound_t[rows])
-        values[rows] = (pose[:, :5] - solver.rest_pose[:5]) / unit
+        values[rows] = poses.find(field_t[rows], bound_t[rows])
     return Presses("pose", NAMES, values, PART, AXIS, data.force_n, data.session)
 
 

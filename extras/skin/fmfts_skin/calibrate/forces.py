@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmfts.cli.verb import VerbError, configured_pad, ended_by, lacking, refuse_options, say, written_to
+from fmfts.cli.verb import VerbError, ended_by, lacking, refuse_options, say, written_to
 from fmfts.common import exit_codes
 from fmfts.common.reading import unreadable_told
 from fmfts_calibrate.kinds import OF_PRESSES, begins_with, columns_of
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from fmfts_skin.calibrate.force_command import KnownMagnet
 
 MARK = b"fmfts force model"
+ROUTES = {"field": "field route", "pose": "pose route", "both": "both routes, weighed by their variances"}
 
 
 def is_of_forces(data: Path) -> bool:
@@ -39,15 +40,16 @@ def calibrate(options: argparse.Namespace, noise_t: float) -> int:
     refuse_options(options, ("shear", "sheared", "hidden", "start", "correct", *OF_PRESSES), why)
     with ended_by(DataError), written_to(options.output):
         sources = [options.data, *options.sessions]
-        report = make_force_file(sources, options.output, _magnet(options, noise_t), options.route, say)
+        magnet = _magnet(options, noise_t, options.route in ("pose", "both"))
+        report = make_force_file(sources, options.output, magnet, options.route, say)
     if options.json:
         print(json.dumps(report, indent=1))
         return 0
     for route in report["routes"]:
-        print(f"{route['route']} route, errors on left-out {route['left_out']}:")
+        print(f"{ROUTES[route['route']]}, errors on left-out {route['left_out']}:")
         print(printed(route["rows"]))
     print(
-        f"{options.output}: force model {report['model']} by the {report['chosen']} route, {report['file_bytes']} bytes"
+        f"{options.output}: force model {report['model']}, by {ROUTES[report['chosen']]}, {report['file_bytes']} bytes"
     )
     return 0
 
@@ -63,7 +65,7 @@ def evaluate(options: argparse.Namespace, noise_t: float) -> int:
 
     with ended_by(DataError, ForceModelError), unreadable_told(DataError, options.model):
         sources = [options.data, *options.sessions]
-        judged = evaluate_force_file(sources, Path(options.model), _magnet(options, noise_t))
+        judged = evaluate_force_file(sources, Path(options.model), _magnet(options, noise_t, asked=True))
     if options.json:
         print(json.dumps({"rows": judged.rows()}, indent=1))
         return 0
@@ -72,8 +74,8 @@ def evaluate(options: argparse.Namespace, noise_t: float) -> int:
     return 0
 
 
-def _magnet(options: argparse.Namespace, noise_t: float) -> KnownMagnet | None:
-    """The pad that --config names, if it has one magnet that is known."""
+def _magnet(options: argparse.Namespace, noise_t: float, asked: bool) -> KnownMagnet | None:
+    """The pad that --config names, if it has one magnet. asked: also if its contact model may need none."""
     from fmfts.cli.verb import configuration, pad_named
     from fmfts_skin.calibrate.force_command import KnownMagnet
 
@@ -84,7 +86,6 @@ def _magnet(options: argparse.Namespace, noise_t: float) -> KnownMagnet | None:
             )
         return None
     pad = pad_named(configuration(options), options.pad)
-    if pad.other_magnets or not pad.are_magnets_known:
+    if pad.other_magnets or not (pad.are_magnets_known or asked):
         return None
-    pad = configured_pad(options)
     return KnownMagnet(pad.pad(), pad.scene.solved, noise_t, options.baseline)
