@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fmfts.arithmetic.matrix import product
 from fmfts.baseline import Mounting
 from fmfts.pad import Array, Pad
 from fmfts.pose import FREE_FIELD, FREE_PAPER, STOP_CONVERGED, Batch, State, parts_of, solve, tangent_basis
@@ -100,10 +101,13 @@ class FrameSolver:
         return self._tracked(batch)
 
     def solved_if_possible(self, field_t: Array, bound_t: Array) -> Array:
-        """(K, 6) poses as `solved`; NaN if a row's values do not determine one."""
+        """(K, 6) poses as `solved`; NaN if a row's values do not determine one.
+
+        A running pad with a force model calls it: without bounds its numbers are the same on every processor.
+        """
         batch = self._within(field_t, bound_t)
         solved = batch.summary[:, STATUS] == 0
-        pose: Array = np.where(solved[:, None], self._tracked(batch).pose, np.nan)
+        pose: Array = np.where(solved[:, None], self._poses(batch), np.nan)
         return pose
 
     def _within(self, field_t: Array, bound_t: Array | None) -> Batch:
@@ -151,14 +155,18 @@ class FrameSolver:
         rows[:, :, VALUE] = field_t.reshape(len(field_t), -1)
         return Batch.of(rows, magnet_rows(magnet), parts_of(free=UNKNOWNS[self.scene]), start)
 
-    def _tracked(self, batch: Batch) -> Tracked:
+    def _poses(self, batch: Batch) -> Array:
         position_m, axis = batch.state[:, :3], batch.state[:, 3:6]
         shifted = (self.pad.rest_position_m + position_m - self._rest.position_m) * 1e3
+        return np.concatenate([shifted, product(axis, self._turn.T)], axis=1)
+
+    def _tracked(self, batch: Batch) -> Tracked:
+        axis = batch.state[:, 3:6]
         spread = np.zeros((len(axis), 5, 5))
         spread[:, :3, :3] = np.eye(3) * 1e3
         spread[:, 3:, 3:] = (self._turn @ np.array([tangent_basis(one) for one in axis]))[:, :2]
         return Tracked(
-            np.concatenate([shifted, axis @ self._turn.T], axis=1),
+            self._poses(batch),
             spread @ batch.covariance[:, :5, :5] @ spread.transpose(0, 2, 1),
             self._geometry.magnet.remanence_t * np.exp(batch.state[:, 6]),
             batch.summary[:, RESIDUAL],

@@ -30,6 +30,8 @@ Route = Literal["field", "pose", "both"]
 FORMAT = "fmfts force model 1"
 # A value of a sensor, counted from 1, and its axis; or a component of a pose.
 VALUE_NAME = re.compile(r"b([1-9][0-9]?)([xyz])|[abcmn]")
+# Whether a route has values of sensors (True) and components of a pose (False).
+VALUES_OF = {"field": {True}, "pose": {False}, "both": {True, False}}
 FORCE = ("force_x_n", "force_y_n", "force_z_n")
 DIRECTIONS = 3
 MOST_VALUES, MOST_POWER, MOST_MAPS, LARGEST_BYTES = 64, 3, 256, 16_000_000
@@ -222,6 +224,8 @@ class ForceModel(_Facts, frozen=True):
                 raise ValueError("a deviation or its largest force is impossible")
             if stored.pressed_z not in (1.0, -1.0) or not all(VALUE_NAME.fullmatch(name) for name in stored.names):
                 raise ValueError("the sign of a press, or the name of a value, is impossible")
+            if {len(name) > 1 for name in stored.names} != VALUES_OF[stored.route]:
+                raise ValueError(f"its values are not those of the route {stored.route!r}")
             maps = tuple(_map_of(one, len(stored.names)) for one in stored.maps)
             return cls(**{name: getattr(stored, name) for name in _Facts.__struct_fields__}, maps=maps)
 

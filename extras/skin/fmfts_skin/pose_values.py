@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fmfts.arithmetic.matrix import product
 from fmfts.baseline import Mounting
 from fmfts.pad import Array, Pad
 from fmfts_calibrate.tracked import FrameSolver, Scene
@@ -34,8 +35,8 @@ class PoseValues:
 
     def __post_init__(self) -> None:
         self.solver = FrameSolver(self.pad, self.rest_t, self.scene, self.noise_t, self.mounting)
-        height_m = np.linalg.norm(self.pad.rest_position_m - self.pad.sensors.position_m.mean(axis=0))
-        self._unit = unit_of(1e3 * float(height_m))
+        away_mm = 1e3 * (self.pad.rest_position_m - self.pad.sensors.position_m.mean(axis=0))
+        self._unit = unit_of(float(np.sqrt(product(away_mm, away_mm))))
 
     def find(self, measured_t: Array, bound_t: Array) -> Array:
         """(K, 5) of fields (K, N, 3); NaN where these determine no pose. bound_t: as FrameSolver.solved."""
