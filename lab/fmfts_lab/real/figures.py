@@ -73,7 +73,7 @@ def sold_sensor(folder: Path) -> Shown:
 def another_day(folder: Path) -> Shown:
     """Forces of each session by methods that learnt the other one, with 0, 1 and 5 presses of known force."""
     shown = Shown(
-        "On another day field and pose together have the smallest error",
+        "On another day field and pose together err least, and softening explains much of the rest",
         "known of the day",
         "rms error of the force, N",
         ticks=("the day's presses", "rest", "rest, one force", "rest, five forces"),
