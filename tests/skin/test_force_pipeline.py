@@ -65,13 +65,14 @@ def frames(count: int, press: Press, first: int, ambient_ut: Array | None = None
         )
 
 
-def ready(model: Path, ambient: str = "constant") -> SkinPipeline:
+def ready(model: Path, ambient: str = "constant", ambient_ut: Array | None = None) -> SkinPipeline:
+    """ambient_ut: the ambient field at the baseline."""
     made = config(model, ambient)
     assert not problems_in(Config(pad=(made,)))
     pipeline = pipeline_of(made, contact_model_of(made), "boot")
     assert isinstance(pipeline, SkinPipeline)
     request = BaselineRequest(made.pad(), made.tolerance.si(), bare=False, replaced=False, duration_s=1.0)
-    pipeline.use(request.make(list(frames(100, NOBODY, 0)), None)[0])
+    pipeline.use(request.make(list(frames(100, NOBODY, 0, ambient_ut)), None)[0])
     return pipeline
 
 
@@ -97,6 +98,16 @@ def test_press_has_force_and_shear_within_the_deviations(press: Press, model: Pa
     assert np.array([off(message, press) for message in messages]).max() < 5.0
     assert max(message.force_sd_n or 9.0 for message in messages) < 0.3
     assert told(pipeline, frames(5, NOBODY, 360))[-1].contact is False
+
+
+def test_ambient_field_of_the_baseline_is_no_pose(model: Path) -> None:
+    """The pose is solved without it. Only the rest's size, by which changes are divided, holds it (5 % of force)."""
+    press, ambient_ut = (0.5, 0.5, 1.5, 0.1, 0.1), np.array([30.0, -20.0, 20.0])
+    messages = told(ready(model, ambient_ut=ambient_ut), frames(40, press, 100, ambient_ut))[3:]
+    plain = told(ready(model), frames(40, press, 100))[3:]
+    assert np.array([off(message, press) for message in messages]).max() < 5.0
+    change_n = np.array([(a.force_n or 0.0) - (b.force_n or 0.0) for a, b in zip(messages, plain, strict=True)])
+    assert np.abs(change_n).max() < 0.1
 
 
 def test_deviation_includes_another_day_in_each_frame(model: Path, tmp_path: Path) -> None:
