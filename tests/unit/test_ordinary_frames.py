@@ -59,7 +59,7 @@ def told(some: list[Frame], monkeypatch: pytest.MonkeyPatch, is_closer: bool) ->
 
     monkeypatch.setattr(estimator, "_as_before", counted)
     if is_closer:
-        estimator._ordinary._limits[:3] = -1.0  # no frame has so small a χ²
+        estimator._ordinary._given[3][:3] = -1.0  # no frame has so small a χ²
     return [made.process(one) for one in some], ordinary
 
 

@@ -26,8 +26,9 @@ class EncodedMessage(msgspec.Struct, frozen=True, gc=False):
     @classmethod
     def of(cls, payload: bytes, pad: Pad) -> EncodedMessage:
         """payload: the message that `pad` encoded last."""
-        assert pad.last is not None
-        return cls(payload, *pad.last)
+        gist = pad.last
+        assert gist is not None
+        return cls(payload, *gist)
 
     @property
     def message(self) -> ContactMessage:

@@ -132,6 +132,9 @@ void fmfts_follow_finger(const fmfts_parameters *parameters, fmfts_followed_memo
     now->known = false;
     if (finger->pressing > 0.0) {
         fmfts_pose_memory newest = {.newest_us = 0};
+        for (int i = 0; i < NUMBERS; i++) {
+            finger->finger_deviation[i] = sqrt(finger->finger_covariance[(NUMBERS + 1) * i]);
+        }
         memcpy(newest.field_t, frame->field_t, 3 * sensors * sizeof(double));
         memcpy(newest.time_us, frame->sampled_us, sensors * sizeof(int64_t));
         drive_of(&parameters->now, drive);

@@ -80,8 +80,9 @@ class FollowedFinger:
         self._linear = self._memory["ahead_t"][:values], self._memory["by_finger"][: 3 * values]
         head = "pressing", "places", "instant_us", "motion_us"
         self._pressing, self._places, self._instant_us, self._motion_us = (self._memory[name] for name in head)
-        self._finger, self._covariance = self._memory["finger"], self._memory["finger_covariance"]
-        self._deviation, self._motion = self._memory["finger_deviation"], self._memory["motion_state"]
+        self._finger, self._motion = self._memory["finger"].reshape(1, -1), self._memory["motion_state"]
+        self._covariance = self._memory["finger_covariance"].reshape(len(self._finger[0]), -1)
+        self._deviation = self._memory["finger_deviation"]
         self._numbers = np.array([1.0, LIGHT_N])
         self._rest_t = mounting.rest_field_t.ravel()
         self._quiet = np.array([0.0, 0.0, estimator.quiet_force_sd_n])
@@ -161,8 +162,7 @@ class FollowedFinger:
             there = self._motion[:3].copy()  # the rates of its place are poorly known
             there[2] = max(there[2] + ahead_s * self._motion[7], 0.0)
         self._numbers[0] = self._estimator.moment
-        self._finger[:], self._covariance[:] = there.ravel(), fit.covariance.ravel()
-        np.sqrt(fit.covariance.diagonal(), out=self._deviation)
+        self._finger[:], self._covariance[:] = there, fit.covariance
         found = fit.fingers, measured.field_t, fit.noise_t, fit.misfit_t, fit.slope_t, fit.ambient_t
         _several.ahead(model.packed, model.work, *found, self._rest_t, there, self._numbers, *self._linear)
 

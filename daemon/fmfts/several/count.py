@@ -29,8 +29,8 @@ MOST_FINGERS = 2
 # A second finger must lower χ² by this. None of 300,000 frames of one finger was split; the gain that one in a
 # million of them has is 35 at most, on pads whose chips were placed by hand (lab/results/several.md).
 SECOND_GAIN = 45.0
-# The first finger may be anywhere: as many places as can be distinguished.
-PLACES = 50
+# Of an untouched pad. The first finger may be anywhere: as many places as can be distinguished.
+FALSE_CONTACTS_PER_HOUR, PLACES = 1.0, 50
 SMALLEST_SHARE = 0.05  # a second finger has at least this share of the force
 # Without a doubtful finger (too weak, or too near to the other one: fit.py) the frame is fitted again. It stays if χ²
 # then rises by more than half of the threshold, is removed at once if by less than a quarter, else after this many
@@ -89,11 +89,11 @@ class Counted(NamedTuple):
 
 
 class FingerCounter:
-    """Follows the fingers of one pad from frame to frame. rate_hz, false_contacts_per_hour: of an untouched pad."""
+    """Follows the fingers of one pad from frame to frame."""
 
-    def __init__(self, fitter: Fitter, rate_hz: float, false_contacts_per_hour: float = 1.0) -> None:
+    def __init__(self, fitter: Fitter, rate_hz: float) -> None:
         self._fitter = fitter
-        per_frame = false_contacts_per_hour / (3600.0 * rate_hz)
+        per_frame = FALSE_CONTACTS_PER_HOUR / (3600.0 * rate_hz)
         self._first_gain = quantile(min(per_frame / PLACES, 0.01), FINGER)
         # With so many fingers, it looks for no other one in a frame of a smaller χ².
         self.searched_from = self._first_gain, SECOND_GAIN, inf

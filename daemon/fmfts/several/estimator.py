@@ -132,9 +132,10 @@ class FingersEstimator:
         fingers, fit = memory.counter.fingers, None
         if memory.is_calm and aligned.foreign_t2 is None and not neighbours:
             ordinary = self._ordinary.read(aligned, fingers, memory.recovery.recent_t)
-            measured, jumped, fit = ordinary.measured, ordinary.has_jumped, ordinary.fit
-            if ordinary.is_ordinary and fit is not None:
-                return trusted(self._as_before(ordinary, fit), memory, jumped)
+            measured, jumped = ordinary.measured, ordinary.has_jumped
+            if ordinary.is_ordinary:
+                return trusted(self._as_before(ordinary), memory, jumped)
+            fit = ordinary.fit if ordinary.has_fit else None
         else:
             now_t = self.fitter.model.predict(fingers).field_t if len(fingers) else None
             measured, jumped = self._since_rest.measured(aligned, neighbours, memory, now_t)
@@ -152,13 +153,15 @@ class FingersEstimator:
             return FingersReading("lost", reasons.UNDETERMINED, used)
         return trusted(reading, memory, jumped)
 
-    def _as_before(self, ordinary: Ordinary, fit: Fit) -> FingersReading:
+    def _as_before(self, ordinary: Ordinary) -> FingersReading:
         """The same fingers press as in the last frame."""
-        memory, measured, ids = self.memory, ordinary.measured, self.memory.counter.known
+        memory, measured, fit, ids = self.memory, ordinary.measured, ordinary.fit, self.memory.counter.known
         memory.counter.put(fit.fingers, ids, ids)
-        memory.counter.doubtful_frames, memory.ambient_t = 0, fit.ambient_t
-        used, least, poses = measured.used.reshape(-1, 3), ordinary.least, ordinary.poses
-        return FingersReading("ok", "", used, fit, tuple(ids), False, False, measured, least, "none", None, poses)
+        memory.counter.doubtful_frames, memory.ambient_t = 0, fit.ambient_t.copy()
+        used, least = measured.used.reshape(-1, 3), ordinary.least_variance if ordinary.ways else None
+        return FingersReading(
+            "ok", "", used, fit, tuple(ids), False, False, measured, least, "none", None, ordinary.poses
+        )
 
     def _judged(
         self,
@@ -217,7 +220,7 @@ class FingersEstimator:
         if fit.flags & UNDETERMINED:
             raise SingularError("the fingers are not determined")
         memory.unexplained = 0
-        memory.ambient_t = fit.ambient_t
+        memory.ambient_t = fit.ambient_t.copy()
         health, reason = reasons.health_of_axes(used, missing, left_out)
         over_range, doubt = bool(fit.flags & BEYOND), reasons.SEARCH_IS_DUE if counted.search == "due" else ""
         if len(fit.fingers) == 1 and (another := self._another(fit, seen, EXPLAINED_WELL)) is not None:

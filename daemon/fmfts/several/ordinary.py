@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmfts.pose import Aligned
 from fmfts.several import _several
+from fmfts.several.count import MOST_FINGERS
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit, Fitter
 from fmfts.several.measured import Measured
@@ -21,35 +23,45 @@ Array = NDArray[np.float64]
 
 @dataclass(slots=True)
 class Ordinary:
-    """fit: of the fingers of before; None where values are missing, or tell too little. is_ordinary: no closer look is
-    needed. poses: of an ordinary frame with fingers. least: see FingersReading."""
+    """fit: of the fingers of before. has_fit: it counts; it does not where values are missing, or tell too little.
+    is_ordinary: no closer look is needed. poses: of an ordinary frame with fingers. ways: how many fingers are less
+    certain than `fit` says; then `least_variance` is that of FingersReading. The next frame uses the same arrays."""
 
     measured: Measured
-    has_jumped: bool
-    fit: Fit | None
-    is_ordinary: bool
+    fit: Fit
     poses: Poses
-    least: Array | None
+    least_variance: Array
+    ways: int = 0
+    has_jumped: bool = False
+    has_fit: bool = False
+    is_ordinary: bool = False
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All as C writes them."""
+        measured = self.measured
+        change = measured.field_t, measured.variance_t2, measured.used
+        return *change, *self.fit.arrays, *self.poses.arrays, self.least_variance
 
 
 class OrdinaryReader:
     """most_chi2: of an ordinary frame with so many fingers."""
 
     def __init__(self, fitter: Fitter, since_rest: SinceRest, most_chi2: Array) -> None:
-        self._fitter, self._since_rest = fitter, since_rest
-        self._limits = np.array([*most_chi2, *LIMITS, *UNFELT])
-        self._unmoved = Poses.room(fitter.model.mounting.magnets)
+        self._since_rest, rest, values = since_rest, fitter.model.mounting.magnets, since_rest.rest.shape[1]
+        self._given = *fitter.model.parts, fitter.search, np.array([*most_chi2, *LIMITS, *UNFELT]), since_rest.rest
+        self._found = [
+            Ordinary(Measured.room(values), Fit.room(count, values), Poses.room(rest), np.empty((1 + count, FINGER)))
+            for count in range(MOST_FINGERS + 1)
+        ]
+        self._arrays = [found.arrays for found in self._found]
 
     def read(self, aligned: Aligned, fingers: Array, recent_t: Array) -> Ordinary:
         """fingers (K, 3): of the frame before. recent_t (3N,): of Recovery, which is written."""
-        since, model, values = self._since_rest, self._fitter.model, aligned.field_t.size
-        measured, fit = Measured.room(values), Fit.room(len(fingers), values)
-        poses = Poses.room(model.mounting.magnets) if len(fingers) else self._unmoved
-        least = np.empty((1 + len(fingers), FINGER))
+        since, found, arrays = self._since_rest, self._found[len(fingers)], self._arrays[len(fingers)]
         samples = aligned.field_t, aligned.bend_t, aligned.noise_share, aligned.repeats
-        change = recent_t, measured.field_t, measured.variance_t2, measured.used
-        given = self._limits, since.rest, since.factors, *samples, fingers, since.around_t
-        fit.chi2, fit.flags, ways, has_jumped, has_fit, is_ordinary = _several.ordinary(
-            *model.parts, self._fitter.search, *given, *change, *fit.arrays, *poses.arrays, least
+        fit = found.fit
+        fit.chi2, fit.flags, found.ways, found.has_jumped, found.has_fit, found.is_ordinary = _several.ordinary(
+            *self._given, since.factors, *samples, fingers, since.around_t, recent_t, *arrays
         )
-        return Ordinary(measured, has_jumped, fit if has_fit else None, is_ordinary, poses, least if ways else None)
+        return found

@@ -73,11 +73,11 @@ class Grid:
         return templates, solve_lower(root, measured.field_t[measured.used])
 
 
-def best_beside(finger: Array, another: Another, most: int) -> list[Array]:
+def best_beside(finger: Array, another: Another) -> list[Array]:
     """The best pairs (2, 3) of `finger` (1, 3) and another one, at different places, the best first."""
     starts: list[Array] = []
     for best in np.argsort(-another.gain, kind="stable"):
-        if another.gain[best] <= 0.0 or len(starts) == most:
+        if another.gain[best] <= 0.0 or len(starts) == STARTS:
             break
         place = another.places[best].copy()
         place[2] *= another.force[best]
@@ -109,13 +109,13 @@ class Scan:
         refuse(wrong, size, measured, root=root)
         return list(found[: int(count)])
 
-    def best_seconds(self, root: Array, finger: Array, measured: Measured, most: int = STARTS) -> list[Array]:
+    def best_seconds(self, root: Array, finger: Array, measured: Measured) -> list[Array]:
         """The best fingers beside a first one, `finger` (1, 3), which may move a little for each: pairs (2, 3).
 
         `best_pairs` misses a second finger that is much weaker than the first one, because its template of the first is
         only proportional to force. root: of C at `finger`.
         """
-        return best_beside(finger, self.another(root, finger, measured), most)
+        return best_beside(finger, self.another(root, finger, measured))
 
     def another(self, root: Array, fingers: Array, measured: Measured) -> Another:
         """One more finger at each place beside `fingers` (K, 3), which may move a little for it."""

@@ -41,7 +41,7 @@ class SinceRest:
         # By which share of its force the silicone may have crept.
         self.silicone = float(root_of_squares(pad.silicone.creep_per_decade, pad.silicone.hysteresis))
         # Of the last frame: the change of the field around, the factor on the magnets' moments, and what C needs of it.
-        self.around_t, self.moment, self.factors = np.zeros(3), 1.0, np.ones(3)
+        self.around_t, self.moment, self.factors = np.zeros(3), 1.0, np.array([1.0, self.silicone, 1.0])
 
     def begin(self, temperature_c: float | None, memory: RestMemory, elapsed_s: float) -> None:
         """Of each frame, before anything is measured."""
@@ -49,7 +49,7 @@ class SinceRest:
         memory.last_c = memory.last_c if temperature_c is None else temperature_c
         warmer_k = 0.0 if first_c is None or memory.last_c is None else memory.last_c - first_c
         self.moment, self.around_t = 1.0 + self._warmth.magnet_per_k * warmer_k, memory.ambient_t
-        self.factors = np.array([self.moment, self.silicone, recovery.decay(elapsed_s)])
+        self.factors[0], self.factors[2] = self.moment, recovery.decay(elapsed_s)
         recovery.recent_t = recovery.recent_t.copy()
 
     def measured(
