@@ -7,7 +7,9 @@ import numpy as np
 from fmfts.pipeline.several_frames import SeveralFrames
 from fmfts.several.count import resultant
 from fmfts_calibrate.resultant import deviation_of, deviation_of_each, resultant_deviation
+from fmfts_lab.bench.several_whole import SI
 from fmfts_lab.bench.several_world import BUILT, EXACT, Press, estimator_of, read_once, world
+from fmfts_lab.finite_elements.array_model import DATA, read_presses
 
 # On the 49th of the pads that `bench several --above` builds: wrong by more than five deviations of the parabola.
 RIM = [Press(3.9, -5.6, 1.6), Press(-9.2, -10.4, 0.4)]
@@ -47,6 +49,23 @@ def test_finger_near_the_rim_widens_its_own_deviations() -> None:
     assert len(worst) >= 20
     assert max(before) > 5.0  # the parabola alone
     assert max(worst) < 4.0
+
+
+def test_long_valley_is_followed_farther() -> None:
+    """In one of these frames the weaker finger is found 7 mm off, where χ² is lower by 11 alone."""
+    pairs, changes = read_presses(DATA / "test-pairs.csv", 2)
+    one, worst, before = world(2, EXACT), [], []
+    estimator, truth, change = estimator_of(one), pairs[4][:, :3], changes[4].reshape(-1, 5) * SI
+    for _ in range(100):
+        reading = read_once(one, change.ravel(), estimator)
+        fit = reading.fit
+        assert fit is not None
+        assert len(fit.fingers) == 2
+        off = np.abs(fit.fingers - truth)
+        worst.append(float((off / deviation_of_each(reading, fit)).max()))
+        before.append(float((off / fit.deviation).max()))
+    assert max(before) > 6.0  # the parabola alone
+    assert max(worst) < 5.0
 
 
 def test_message_has_the_wider_deviations_of_each_finger() -> None:

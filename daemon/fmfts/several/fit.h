@@ -158,7 +158,7 @@ typedef struct {
 
 /* valley.py's LIMITS. */
 typedef struct {
-    double steps, least_force_n, away, least_rise, unsure_mm;
+    double steps, least_force_n, away, farthest, flat, least_rise, unsure_mm;
 } fmfts_valley_limits;
 
 /* ways: fingers that are uncertain. least [1 + fingers][3]: variances. */

@@ -121,13 +121,17 @@ fmfts_refusal fmfts_valley(const fmfts_fitter *fitter, const fmfts_fitted *fitte
         }
         fmfts_product(unknowns, unknowns, 1, fitted->covariance, direction, away);
         for (int side = 1; side >= -1; side -= 2) {
-            for (size_t i = 0; i < unknowns; i++) {
-                double to = fingers.at[i] + side * (away[i] * (limits->away / sqrt(variance)));
-                moved[i] = on_the_table(c.search, limits->least_force_n, i, to);
-            }
-            double chi2 = fitted_across(&c, fingers.count, direction, moved);
-            if (isfinite(chi2)) {
-                widen(fingers, moved, fmax(chi2 - fitted->chi2, limits->least_rise), found->least);
+            double rise = 0.0;
+            /* A parabola rises by the square of the deviations; along a valley that still rises less, it goes as far again. */
+            for (double far = limits->away; far <= limits->farthest && rise < limits->flat * far * far / 4.0; far *= 2.0) {
+                for (size_t i = 0; i < unknowns; i++) {
+                    double to = fingers.at[i] + side * (away[i] * (far / sqrt(variance)));
+                    moved[i] = on_the_table(c.search, limits->least_force_n, i, to);
+                }
+                rise = fitted_across(&c, fingers.count, direction, moved) - fitted->chi2;
+                if (isfinite(rise)) {
+                    widen(fingers, moved, fmax(rise, limits->least_rise), found->least);
+                }
             }
         }
     }

@@ -3,7 +3,8 @@
 There a finger further out that presses harder has nearly the same field, and χ² is no parabola: it rises at first, and
 then stays. So each finger is moved by `AWAY` deviations to either side, along its least certain direction, and all else
 is fitted again. If a finger or the resultant then moved by d while χ² rose by c, its deviation is at least d/√c. Along
-a parabola that never exceeds the published deviation.
+a parabola that never exceeds the published deviation. If χ² rose by less than `FLAT` of what a parabola rises, the
+valley goes on: the finger is moved twice as far.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from fmfts.several.measured import Measured, refuse
 Array = NDArray[np.float64]
 
 AWAY, STEPS = 3.0, 2
+FLAT, FARTHEST = 0.7, 6.0  # no finger is moved farther than this many deviations
 LEAST_RISE = 1.0  # a smaller rise of χ² counts as none
 # A finger with a smaller deviation of its place is in no such valley.
 UNSURE_MM = 0.3
 LEAST_FORCE_N = 0.01
-LIMITS = np.array([STEPS, LEAST_FORCE_N, AWAY, LEAST_RISE, UNSURE_MM])  # as fit.h has them
+LIMITS = np.array([STEPS, LEAST_FORCE_N, AWAY, FARTHEST, FLAT, LEAST_RISE, UNSURE_MM])  # as fit.h has them
 
 
 def valley_variance(fitter: Fitter, fit: Fit, measured: Measured, around_t: Array) -> Array | None:
