@@ -53,6 +53,21 @@ def test_unloaded_pad_is_exactly_at_rest() -> None:
     np.testing.assert_array_equal(axis, np.tile([0.0, 0.0, 1.0], (50, 1)))
 
 
+def test_presses_in_a_row_move_the_magnet_as_each_alone() -> None:
+    """To the last bit, though a press that repeats the one before it is computed once."""
+    random = np.random.default_rng(3)
+    low, high = np.array([[-12e-3, -12e-3, 0.1, -0.5, -0.5], [12e-3, 12e-3, 3.0, 0.5, 0.5]])
+    once = random.uniform(low, high, (60, 5))
+    once[1:6] = once[0]
+    for changed in range(5):  # the next press differs by one number alone
+        once[changed + 1 :, changed] = once[-1, changed]
+    once[20:30, 2:] = 0.0
+    press = np.repeat(once, random.integers(1, 5, len(once)), axis=0)
+    for numbers in (3, 5):
+        alone = [standard_mechanics().response(*row[:, None]) for row in press[:, :numbers]]
+        np.testing.assert_array_equal(standard_mechanics().response(*press[:, :numbers].T), np.concatenate(alone))
+
+
 def test_magnet_sinks_and_tilts_further_with_every_newton_up_to_six() -> None:
     random = np.random.default_rng(2)
     x_m, y_m = random.uniform(-14e-3, 14e-3, (2, 200))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 from math import cos, hypot, pi
 from typing import NamedTuple
 
@@ -35,7 +36,7 @@ Finger = Callable[[float], Touch]
 
 def columns(touches: Sequence[Touch]) -> list[Array]:
     """The arguments of a pad's mechanics: x, y, force (K,), and shear along x and y if there is any."""
-    press = np.array(touches).T
+    press = np.fromiter(chain.from_iterable(touches), float).reshape(-1, len(Touch._fields)).T
     return list(press if press[3:].any() else press[:3])
 
 

@@ -60,14 +60,30 @@ class Mechanics:
     def response(
         self, x_m: Array, y_m: Array, force_n: Array, shear_x_n: Array | None = None, shear_y_n: Array | None = None
     ) -> Array:
-        """(K, 5) displacement in m, and the unit axis' x and y (of a table of shear: what shear adds to both)."""
+        """(K, 5) displacement in m, and the unit axis' x and y (of a table of shear: what shear adds to both).
+
+        A press that equals the one before it is computed once: a finger that holds or is away repeats it many times.
+        """
+        press = [row for row in (x_m, y_m, force_n, shear_x_n, shear_y_n) if row is not None]
+        changes = np.ones(len(force_n), bool)
+        changes[1:] = np.any([row[1:] != row[:-1] for row in press], axis=0)
+        x_m, y_m, force_n = x_m[changes], y_m[changes], force_n[changes]
+        if shear_x_n is not None:
+            shear_x_n = shear_x_n[changes]
+        if shear_y_n is not None:
+            shear_y_n = shear_y_n[changes]
+        return self._response(x_m, y_m, force_n, shear_x_n, shear_y_n)[np.cumsum(changes) - 1]
+
+    def _response(
+        self, x_m: Array, y_m: Array, force_n: Array, shear_x_n: Array | None, shear_y_n: Array | None
+    ) -> Array:
         along_x, along_y = (cover(at_m, self.first_m, self.spacing_m, self.count - 1) for at_m in (x_m, y_m))
         patch = self.coefficient[along_x.indices[:, :, None], along_y.indices[:, None, :]]
         term = self._terms(force_n, shear_x_n, shear_y_n)
         of_term = np.einsum("ka,kb,kabpc->kpc", along_x.value, along_y.value, patch)
         response: Array = np.einsum("kp,kpc->kc", term, of_term)
         if self.sheared is not None and (shear_x_n is not None or shear_y_n is not None):
-            response += self.sheared.response(x_m, y_m, force_n, shear_x_n, shear_y_n)
+            response += self.sheared._response(x_m, y_m, force_n, shear_x_n, shear_y_n)
         return response
 
     def _terms(self, force_n: Array, shear_x_n: Array | None, shear_y_n: Array | None) -> Array:
