@@ -34,15 +34,16 @@ class Follower:
     held_variance: float = 0.0
     changes: list[Array] = field(default_factory=list)
 
-    def see(self, estimate: PoseEstimate) -> float:
-        """The height (m) that the moment's error causes."""
-        held = float(estimate.covariance[LOG_MOMENT, LOG_MOMENT])
+    def see(self, estimate: PoseEstimate, held: float) -> float:
+        """The height (m) that the moment's error causes. held: variance of the log moment that the tracker remembers;
+        that of a single frame is larger where the frame misfits."""
         self.variance += max(held - self.held_variance, 0.0)
-        self.held_variance = max(held, self.held_variance)
-        by_moment = estimate.covariance[:5, LOG_MOMENT] / held
+        self.held_variance = held
+        by_moment = estimate.covariance[:5, LOG_MOMENT] / estimate.covariance[LOG_MOMENT, LOG_MOMENT]
         self.changes.append(change_since(self.rest, estimate.state)[:5] - by_moment * self.error)
         if len(self.changes) == WINDOW_FRAMES:
-            own = (estimate.covariance[:5, :5] - held * np.outer(by_moment, by_moment)) / WINDOW_FRAMES
+            frame = estimate.covariance[LOG_MOMENT, LOG_MOMENT] * np.outer(by_moment, by_moment)
+            own = (estimate.covariance[:5, :5] - frame) / WINDOW_FRAMES
             self._learn(np.mean(self.changes, axis=0), own, by_moment)
             self.changes.clear()
         return float(by_moment[2] * self.error)
@@ -91,11 +92,12 @@ def _warmed(force_n: float, since_s: float, random: np.random.Generator) -> tupl
         measured = field_t + random.normal(0.0, NOISE_T, field_t.shape)
         estimate = tracker.update(measured, np.full(field_t.shape, NOISE_T), 1.0 / RATE_HZ, 25.0 + warmer_k).estimate
         assert estimate is not None
-        by_error = follower.see(estimate)
+        remembered = tracker.memory["covariance"].reshape(estimate.covariance.shape)
+        by_error = follower.see(estimate, float(remembered[LOG_MOMENT, LOG_MOMENT]))
         if time_s >= END_S - SHOWN_S:
             error = truth.position_m[2] - estimate.position_m[2]
-            variance, by_moment = estimate.covariance[2, 2], estimate.covariance[2, LOG_MOMENT] / follower.held_variance
-            less = by_moment**2 * (follower.held_variance - follower.variance)
+            variance, of_moment = estimate.covariance[2, 2], estimate.covariance[LOG_MOMENT, LOG_MOMENT]
+            less = (estimate.covariance[2, LOG_MOMENT] / of_moment) ** 2 * (of_moment - follower.variance)
             shown.append((error, np.sqrt(variance), error + by_error, np.sqrt(variance - less)))
     mean = np.mean(shown, axis=0) / DEPTH_M_PER_N * 1e3
     return mean[:2], mean[2:]
