@@ -6,25 +6,21 @@ what each seed gave, so that a page cannot say what no command found.
 
 from __future__ import annotations
 
-import re
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from statistics import stdev
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
-from fmfts_lab.bench.truth import PUBLISHED
+from fmfts_lab.bench import kept_rows
+from fmfts_lab.bench.kept_rows import Rows
 
 RESULTS = Path(__file__).parents[2] / "results"
 FIGURES = RESULTS / "figures"
 FEWEST_SEEDS = 3
 # The table stands between such lines; the rest of the page is written by hand.
 BEGIN, END = "<!-- {}, made by `python -m fmfts_lab.bench tables`: begin -->\n", "<!-- end -->\n"
-
-Facts = dict[str, Any]
-Rows = Sequence[Sequence[Facts]]  # for each row of the table, the result of each seed
 
 
 class Table(NamedTuple):
@@ -46,189 +42,13 @@ def kept(figures: str) -> Rows:
     return list(zip(*seeds, strict=True))
 
 
-def spread(values: Iterable[float | None], form: str) -> str:
-    """The lowest and the highest, once where both read the same; "–" where a seed has none."""
-    found = list(values)
-    if any(value is None for value in found):
-        return "–"
-    told = [format(value, form) for value in (min(found), max(found))]  # type: ignore[type-var]
-    return told[0] if told[0] == told[1] else f"{told[0].removesuffix('%')} to {told[1].replace('%', ' %')}"
-
-
-def markdown(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [columns, ["---"] * len(columns), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
-def mean(seeds: Sequence[Facts], key: str) -> str:
-    """In percent."""
-    return f"{100.0 * sum(one[key] for one in seeds) / len(seeds):.1f}"
-
-
-def percent(values: Iterable[float | None], form: str = ".1%") -> str:
-    return re.sub(r" *%", " %", spread(values, form))
-
-
-def answers(seeds: Sequence[Facts]) -> tuple[str, ...]:
-    """Of a row: wrong frames, worst error, coverage and mean errors."""
-    return (
-        f"{sum(one['wrong'] for one in seeds)} of {sum(one['frames'] for one in seeds)}",
-        spread((one["worst_sd"] for one in seeds), ".1f"),
-        percent(one["within_2_sd"] for one in seeds),
-        spread((1e3 * one["place_error_m"] if one["place_error_m"] is not None else None for one in seeds), ".2f"),
-        spread((one["force_error_n"] for one in seeds), ".3f"),
-    )
-
-
-ANSWERS = ("wrong", "worst, sd", "within 2 sd", "mm", "N")
-
-
-def as_built(rows: Rows) -> str:
-    """Of pads that are drawn from the tolerances that their deviations count."""
-    lines = []
-    for seeds in rows:
-        first = seeds[0]
-        pads = [share for one in seeds for share in one["pads_within_2_sd"]]
-        lines.append(
-            (
-                f"±{100.0 * first['gain']:g} %",
-                "turning" if first["turning"] else "still",
-                first["kind"],
-                *answers(seeds),
-                # Each pad has one modulus, one thickness and one finger: pads, not frames, are independent.
-                f"{mean(seeds, 'within_2_sd')} ± {100.0 * stdev(pads) / len(pads) ** 0.5:.1f} %",
-                f"{mean(seeds, 'place_within_2_sd')}, {mean(seeds, 'force_within_2_sd')} %",
-                f"{sum(one['missed'] for one in seeds)} of {sum(one['presses'] for one in seeds)}",
-                str(sum(sum(one["refused"].values()) for one in seeds)),
-            )
-        )
-    columns = ("gains", "robot", "baseline", *ANSWERS, "mean", "places, forces", "missed", "refused")
-    return markdown(columns, lines)
-
-
-def imperfect(rows: Rows) -> str:
-    """Of pads with one effect each that no tolerance names."""
-    lines = []
-    for seeds in rows:
-        told = [one for one in seeds if one["frames"]]  # the others had no pad that was not refused
-        published = (sum(one["health"].get(name, 0) for name in PUBLISHED) / one["frames"] for one in told)
-        lines.append(
-            (
-                seeds[0]["effect"],
-                seeds[0]["ambient"],
-                f"{sum(sum(one['refused'].values()) for one in seeds)} of {sum(one['pads'] for one in seeds)}",
-                *((percent(published, ".2%"), *answers(told)) if told else ["–"] * (1 + len(ANSWERS))),
-                f"{max(one['longest_false_s'] for one in seeds):.2f} s",
-            )
-        )
-    return markdown(("effect", "scene", "refused", "published", *ANSWERS, "longest false contact"), lines)
-
-
-def tilted(rows: Rows) -> str:
-    """Of pads of which all but the tilt is known."""
-    lines = []
-    for seeds in rows:
-        first = seeds[0]
-        lines.append(
-            (
-                f"{first['friction']:g}",
-                f"{first['tilt_deg']:g}°",
-                f"{sum(one['wrong'] for one in seeds):.0f} of {sum(one['frames'] for one in seeds):.0f}",
-                spread((one["worst_sd"] for one in seeds), ".1f"),
-                spread((one["place_within_2_sd"] for one in seeds), ".1%"),
-                spread((one["force_within_2_sd"] for one in seeds), ".1%"),
-                spread((one["along_tilt_mm"] for one in seeds), "+.2f"),
-                f"{sum(one['along_tilt_mm'] for one in seeds) / len(seeds):+.2f}",
-                str(sum(one["refused"] for one in seeds)),
-            )
-        )
-    columns = (
-        "friction",
-        "tilt",
-        "wrong",
-        "worst, sd",
-        "places within 2 sd",
-        "forces",
-        "off along the tilt, mm",
-        "mean",
-        "refused",
-    )
-    return markdown(columns, lines)
-
-
-def structured(rows: Rows) -> str:
-    """Of pads of other silicone, thickness and tilt, under other fingers, of which the daemon knows nothing."""
-    lines = []
-    for seeds in rows:
-        first = seeds[0]
-        lines.append(
-            (
-                f"{first['friction']:g}",
-                first["cell"],
-                f"{sum(one['wrong'] for one in seeds):.0f} of {sum(one['frames'] for one in seeds):.0f}",
-                f"{max(one['worst_sd'] for one in seeds):.1f}",
-                spread((one["place_within_2_sd"] for one in seeds), ".1%"),
-                spread((one["force_within_2_sd"] for one in seeds), ".1%"),
-                spread((100.0 * one["force_off"] for one in seeds), "+.0f").replace("-", "−"),
-                spread((100.0 * one["force_sd"] for one in seeds), ".0f"),
-            )
-        )
-    columns = (
-        "friction",
-        "pad, finger",
-        "wrong",
-        "worst, sd",
-        "places within 2 sd",
-        "forces",
-        "force off, %",
-        "±, %",
-    )
-    return markdown(columns, lines)
-
-
-def warming(rows: Rows) -> str:
-    """Of pads whose offsets drift further than the chip's figure says."""
-    lines = []
-    for seeds in rows:
-        first = seeds[0]
-        lines.append(
-            (
-                f"{1e9 * first['t_per_k']:.0f} nT/K",
-                first["ambient"],
-                spread((one["least_published"] for one in seeds), ".2%").replace("%", " %").replace("  ", " "),
-                f"{sum(one['wrong'] for one in seeds)} of {sum(one['frames'] for one in seeds)}",
-                spread((one["worst_sd"] for one in seeds), ".1f"),
-                spread((one["false_onsets"] for one in seeds), "d"),
-                f"{sum(one['false_frames'] for one in seeds)} of {sum(one['rest_frames'] for one in seeds)}",
-            )
-        )
-    columns = ("drift", "scene", "published by the worst pad", "wrong", "worst, sd", "false onsets", "in frames")
-    return markdown(columns, lines)
-
-
-def learned(rows: Rows) -> str:
-    """Of boards that nobody measured, beside the same with known places and rotations: without presses, the first row,
-    and with them, the second."""
-    lines = []
-    for seeds in rows:
-        over = (
-            spread((one[key] / known[key] for one, known in zip(seeds, beside, strict=True)), ".2f")
-            for beside in rows[:2]
-            for key in ("place_error_m", "force_error_n")
-        )
-        refused = sum(sum(one["refused"].values()) for one in seeds)
-        lines.append((seeds[0]["kind"], *answers(seeds), *over, f"{refused} of {sum(one['pads'] for one in seeds)}"))
-    over_known = ("mm over known", "N over known", "mm over refine", "N over refine")
-    return markdown(("baseline", *ANSWERS, *over_known, "refused"), lines)
-
-
 TABLES = (
-    Table("learned.md", "learned", learned),
-    Table("as-built.md", "as-built", as_built),
-    Table("silicone.md", "silicone", imperfect),
-    Table("silicone.md", "warming", warming),
-    Table("structure.md", "structure", structured),
-    Table("structure.md", "tilt", tilted),
+    Table("learned.md", "learned", kept_rows.learned),
+    Table("as-built.md", "as-built", kept_rows.as_built),
+    Table("silicone.md", "silicone", kept_rows.imperfect),
+    Table("silicone.md", "warming", kept_rows.warming),
+    Table("structure.md", "structure", kept_rows.structured),
+    Table("structure.md", "tilt", kept_rows.tilted),
 )
 
 

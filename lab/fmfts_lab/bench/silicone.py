@@ -204,7 +204,7 @@ class Row:
             "refused": dict(self.refused),
             "frames": self.frames,
             "health": dict(self.health),
-            "reasons": dict(self.reasons),
+            "reasons": dict(self.reasons.most_common(5)),
             "wrong": self.wrong,
             "worst_sd": self.worst,
             "within_2_sd": float(np.mean(np.array(self.errors) <= 2.0)) if self.errors else None,
