@@ -72,7 +72,8 @@ class Mechanics:
             shear_x_n = shear_x_n[changes]
         if shear_y_n is not None:
             shear_y_n = shear_y_n[changes]
-        return self._response(x_m, y_m, force_n, shear_x_n, shear_y_n)[np.cumsum(changes) - 1]
+        once = self._response(x_m, y_m, force_n, shear_x_n, shear_y_n)
+        return np.asarray(once[np.cumsum(changes) - 1], dtype=np.float64)
 
     def _response(
         self, x_m: Array, y_m: Array, force_n: Array, shear_x_n: Array | None, shear_y_n: Array | None

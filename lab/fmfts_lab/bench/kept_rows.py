@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from math import inf
 from statistics import stdev
 from typing import Any
 
@@ -37,10 +38,11 @@ def percent(values: Iterable[float | None], form: str = ".1%") -> str:
 
 
 def answers(seeds: Sequence[Facts]) -> tuple[str, ...]:
-    """Of a row: wrong frames, worst error, coverage and mean errors."""
+    """Of a row: wrong frames, worst error, coverage and mean errors. The worst is infinite, which JSON writes as null,
+    where a lower bound of a force is above the force."""
     return (
         f"{sum(one['wrong'] for one in seeds)} of {sum(one['frames'] for one in seeds)}",
-        spread((one["worst_sd"] for one in seeds), ".1f"),
+        spread((inf if one["worst_sd"] is None else one["worst_sd"] for one in seeds), ".1f"),
         percent(one["within_2_sd"] for one in seeds),
         spread((1e3 * one["place_error_m"] if one["place_error_m"] is not None else None for one in seeds), ".2f"),
         spread((one["force_error_n"] for one in seeds), ".3f"),
@@ -78,7 +80,7 @@ LIGHT_N = ((0.02, 0.05), (0.05, 0.1), (0.1, 0.2), (0.2, 1.0))
 
 def noticed(one: Facts, low_n: float, high_n: float) -> float:
     """The share of frames of such a touch that report contact; the lowest of the ranges between both forces."""
-    return min(share for low, high, share in one["noticed_shares"] if low_n <= low and high <= high_n)
+    return float(min(share for low, high, share in one["noticed_shares"] if low_n <= low and high <= high_n))
 
 
 def shipped(rows: Rows) -> str:
