@@ -236,7 +236,7 @@ class TestCommandLine:
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         without(monkeypatch, "fmfts.views")
-        assert main(["view", "--port", "0", "--robot", "arm=tcp://127.0.0.1:5570"]) == exit_codes.UNAVAILABLE
+        assert main(["view", "--port", "0", "--robot", "arm=tcp://127.0.0.1:5570"]) == exit_codes.LACKING
         said = capsys.readouterr().err
         assert "view --robot belongs to a package of its own" in said
         assert "pip install 'fmfts[fleet]' -e " in said
