@@ -15,9 +15,10 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
 /* A force is certain, and a contact begins, if it is so many deviations above zero. */
 #define FMFTS_CERTAIN_FORCE_DEVIATIONS 2.0
 
-/* in_contact of the memory, if not 0: the force is certain, or only that something presses. */
+/* in_contact of the memory, if not 0: the force is certain; only that something presses; or that something has begun to. */
 #define FMFTS_SURE_FORCE 1.0
 #define FMFTS_SURE_PRESS 2.0
+#define FMFTS_RECENT_PRESS 3.0
 
 /* A contact begins where a press explains this share of the movement. */
 #define FMFTS_EXPLAINED_SHARE 0.75
@@ -63,6 +64,9 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
     ONE(double, touched)                                                                                               \
     ONE(double, quiet_frames)                                                                                          \
     ONE(double, in_contact)                                                                                            \
+    ONE(double, recent_moved_s) /* pipeline/recent_rest.c: how long the pose has differed from the recent rest */      \
+    MANY(double, recent_change, 5) /* of that rest, since the baseline */                                              \
+    MANY(double, recent_ambient_t, 3)                                                                                  \
     ONE(int64_t, smooths) /* smooth.c: whether there was a pose before */                                              \
     MANY(double, pose, 6) /* in m and components of the axis */                                                        \
     MANY(double, speed, 6)                                                                                             \

@@ -63,7 +63,7 @@ bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memor
  * does not include. Such a cause also shifts the place, so the model's error there is doubtful. */
 void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate)
 {
-    bool was_contact = memory->in_contact != 0.0;
+    bool was_contact = memory->in_contact == FMFTS_SURE_FORCE || memory->in_contact == FMFTS_SURE_PRESS;
     double needed = memory->in_contact == FMFTS_SURE_FORCE ? KEPT_FORCE_DEVIATIONS : FMFTS_CERTAIN_FORCE_DEVIATIONS;
     double hidden_n = parameters->hidden_force_sd_n;
     double deviation_n = estimate->pose_force_sd_n;

@@ -62,17 +62,17 @@ void fmfts_find_change(const fmfts_pad *pad, fmfts_frame_work *work)
 {
     const fmfts_contact_parameters *contact = &pad->parameters->contact;
     fmfts_step *step = &work->step;
-    double overlap[5][5], elapsed_s = step->field.elapsed_s;
-    bool overlaps = counts_twice(step);
+    double elapsed_s = step->field.elapsed_s;
+    work->overlaps = counts_twice(step);
     if (elapsed_s > contact->longest_gap_s) {
         fmfts_forget_touch(&work->memory->contact); /* the finger may be gone */
     }
     fmfts_follow_creep(step->parameters, step->memory, elapsed_s);
-    if (overlaps) {
-        fmfts_overlap(step, step->parameters->part[LOG_COLUMN] == FMFTS_CONSIDERED, overlap);
+    if (work->overlaps) {
+        fmfts_overlap(step, step->parameters->part[LOG_COLUMN] == FMFTS_CONSIDERED, work->overlap);
     }
     fmfts_displace(step->parameters, step->memory, step->memory->state, &step->pose,
-                   overlaps ? (const double(*)[5])overlap : NULL, &work->displacement);
+                   work->overlaps ? (const double(*)[5])work->overlap : NULL, &work->displacement);
     work->touch_is_known =
         fmfts_touch(contact, &work->memory->contact, FMFTS_MOVED, work->displacement.change, work->displacement.at_rest);
 }
@@ -106,12 +106,12 @@ static void follow_lift(fmfts_pose_memory *memory, bool lifted, bool resting, do
     }
 }
 
-void fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
+bool fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
 {
     fmfts_memory *memory = work->memory;
     fmfts_verdict *verdict = &work->step.verdict;
     if (!work->has_estimate) {
-        return; /* without a contact model it is not known whether a press can lift this pad's magnet */
+        return true; /* without a contact model it is not known whether a press can lift this pad's magnet */
     }
     bool lifted = work->lifted_m > 0.0, resting = work->touch_is_known && memory->contact.touched == 0.0;
     follow_lift(&memory->pose, lifted, resting, work->step.field.elapsed_s);
@@ -129,11 +129,18 @@ void fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
                   work->lifted_m * MM_PER_M);
         work->has_estimate = false;
     } else if (work->touch_is_known) {
+        bool was_contact = memory->contact.in_contact != 0.0;
         fmfts_press(&pad->parameters->contact, &memory->contact, &work->estimate);
+        if (memory->contact.in_contact != 0.0) {
+            memory->contact.recent_moved_s = 0.0;
+        } else if (!fmfts_compare_recent(pad, work, was_contact)) {
+            return false;
+        }
         if (memory->contact.touched != 0.0 && work->estimate.over_range && fmfts_has_jumped(&work->step)) {
             fmfts_degrade(verdict, JUMPED);
         }
     }
+    return true;
 }
 
 /* The deviation of the force without a detected touch: it may be anything up to the detection limit, as a uniform
@@ -151,7 +158,7 @@ double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_
                         const fmfts_contact_memory *touch)
 {
     double limit_n = parameters->detection_limit_n, force_n = estimate->place[2];
-    if (touch->touched == 0.0) {
+    if (touch->touched == 0.0 && touch->in_contact == 0.0) {
         return quiet_force_sd_n(estimate->central_force_sd_n, limit_n);
     }
     double deviation_n = quiet_force_sd_n(estimate->deviation[2], estimate->doubt * limit_n);

@@ -27,7 +27,9 @@ static bool judge(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_frame 
             if (!fmfts_find_contact(pad, &work)) {           /* contact/smooth.c, estimate.c, tolerances.c, refine.c */
                 return false;
             }
-            fmfts_doubt_contact(pad, &work);                 /* something pulls, or the field jumped; contact/touch.c: is it certain */
+            if (!fmfts_doubt_contact(pad, &work)) {          /* something pulls, or the field jumped; contact/touch.c, recent_rest.c */
+                return false;
+            }
         }
         fmfts_find_slip(pad, &work, reading);                /* slip.c; contact/slip.c, friction.c: only where asked for */
         if (!fmfts_find_now(pad, frame, &work, reading)) {   /* now.c: the contact at the time of publishing */

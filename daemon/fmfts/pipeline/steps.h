@@ -11,6 +11,8 @@ typedef struct {
     fmfts_step step;
     fmfts_memory *memory;
     fmfts_displacement displacement;
+    bool overlaps;                     /* whether `overlap` is to be taken from the pose's covariance */
+    double overlap[5][5];
     bool touch_is_known, has_estimate; /* has_estimate: of the contact model */
     double lifted_m;                   /* how far the magnet certainly is above the range of the training */
     fmfts_estimate estimate;
@@ -51,8 +53,12 @@ void fmfts_find_change(const fmfts_pad *pad, fmfts_frame_work *work);
  * number. */
 bool fmfts_find_contact(const fmfts_pad *pad, fmfts_frame_work *work);
 
-/* contact_of_pose.c: whether something lifts the magnet, which no press does; else, whether the touch is a contact. */
-void fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work);
+/* contact_of_pose.c: whether something lifts the magnet, which no press does; else, whether the touch is a contact. False if the
+ * model gives no number. */
+bool fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work);
+
+/* recent_rest.c: whether the change since a moment before is a contact. False if the model gives no number. */
+bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was_contact);
 
 /* contact_of_pose.c: the deviation of the force to publish. */
 double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate,

@@ -130,6 +130,8 @@ def main() -> None:
     verb.add_argument("--seconds", type=float, default=9.1, help="of presses and pauses, for each pad and baseline")
     verb.add_argument("--rotations", type=float, nargs="+", default=as_built.ROTATIONS_DEG, metavar="DEGREES")
     verb.add_argument("--gains", type=float, nargs="+", default=as_built.GAINS)
+    verb.add_argument("--robots", nargs="+", choices=as_built.ROBOTS, default=as_built.ROBOTS)
+    verb.add_argument("--baselines", nargs="+", choices=as_built.KINDS, default=as_built.KINDS)
     verb.add_argument("--refine", action="store_true", help="with contact.refine")
     verb.add_argument("--untouched", action="store_true", help="nothing presses: are contacts told all the same?")
     verb.add_argument(

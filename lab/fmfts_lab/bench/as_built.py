@@ -31,6 +31,7 @@ from fmfts_simulation.finger import Finger, no_finger
 Counted = Literal["stated", "shipped", "drawn", "unnamed"]
 Kind = Literal["bare + rest", "+ refine", "+ turn", "+ turn + refine"]
 KINDS: tuple[Kind, ...] = ("bare + rest", "+ refine", "+ turn", "+ turn + refine")
+ROBOTS = ("still", "turning")
 ROTATIONS_DEG, GAINS = (0.0, 0.5, 1.0, 2.0), (0.005, 0.05)
 # RELEASE_FRAMES quiet frames end a contact, and one frame in a hundred is not quiet by noise alone.
 RELEASE_S = 0.2
@@ -183,8 +184,10 @@ def pad_config(defects: Defects, refine: bool, counted: Counted) -> PadConfig:
 Made = tuple[Baseline, Mounting | None]
 
 
-def baselines_of(config: PadConfig, source: BuiltSource, random: np.random.Generator) -> dict[Kind, Made | str]:
-    """Each kind of baseline with its mounting, or why it was refused; with frames as a daemon records them."""
+def baselines_of(
+    config: PadConfig, source: BuiltSource, random: np.random.Generator, kinds: Iterable[Kind] = KINDS
+) -> dict[Kind, Made | str]:
+    """These kinds of baseline with their mountings, or why one was refused; with frames as a daemon records them."""
 
     def made(earlier: Made | str | None, *, bare: bool = False, turn: bool = False, refine: bool = False) -> Made | str:
         if isinstance(earlier, str):
@@ -200,9 +203,14 @@ def baselines_of(config: PadConfig, source: BuiltSource, random: np.random.Gener
             return str(error)
 
     rest = made(made(None, bare=True))
-    turned = made(rest, turn=True)
-    refined, both = made(rest, refine=True), made(turned, refine=True)
-    return {"bare + rest": rest, "+ refine": refined, "+ turn": turned, "+ turn + refine": both}
+    found: dict[Kind, Made | str] = {"bare + rest": rest}
+    if "+ turn" in kinds or "+ turn + refine" in kinds:
+        found["+ turn"] = made(rest, turn=True)
+    if "+ refine" in kinds:
+        found["+ refine"] = made(rest, refine=True)
+    if "+ turn + refine" in kinds:
+        found["+ turn + refine"] = made(found["+ turn"], refine=True)
+    return found
 
 
 def trial(
@@ -215,14 +223,15 @@ def trial(
     counted: Counted,
     untouched: bool = False,
 ) -> None:
+    """One pad, after each kind of baseline that has a cell."""
     random = np.random.default_rng(
         [seed, round(defects.rotation_deg * 10), round(defects.gain * 1000), defects.turning]
     )
     config = pad_config(defects, refine, counted)
     source = BuiltSource(config, defects, random)
-    baselines = baselines_of(config, source, random)
-    for kind, baseline in baselines.items():
-        cell = cells[kind]
+    baselines = baselines_of(config, source, random, cells)
+    for kind, cell in cells.items():
+        baseline = baselines[kind]
         cell.pads += 1
         if isinstance(baseline, str):
             cell.refused[baseline.split("refused: ", 1)[-1]] += 1
@@ -241,9 +250,9 @@ def run(options: Namespace) -> None:
     found: list[dict[str, object]] = []
     for rotation_deg in options.rotations:
         for gain in options.gains:
-            for turning in (False, True):
+            for turning in (robot == "turning" for robot in options.robots):
                 defects = Defects(rotation_deg, gain, turning, stated=options.counted == "stated")
-                cells: dict[Kind, Cell] = {kind: Cell() for kind in KINDS}
+                cells: dict[Kind, Cell] = {kind: Cell() for kind in KINDS if kind in options.baselines}
                 model = load_contact_model(pad_config(defects, options.refine, options.counted))
                 for seed in range(options.seed, options.seed + options.pads):
                     trial(
