@@ -15,7 +15,7 @@ SEED, PRESSES = 5101, 12
 
 
 def test_light_press_is_found_while_the_robot_turns() -> None:
-    """Two presses of this pad, of 0.22 and 0.31 N on the rim, are within the deviations of the change since the baseline."""
+    """The change since the baseline is within its deviations for two of them, of 0.22 and 0.31 N on the rim."""
     defects = Defects(1.0, 0.05, True, stated=True)
     cells: dict[Kind, Cell] = {"bare + rest": Cell()}
     trial(defects, SEED, 20.0, cells, load_contact_model(pad_config(defects, False, "stated")), False, "stated")

@@ -25,8 +25,8 @@ OF_SLIP = (
     *("first_shear", "first_weight", "first_s"),
 )
 
-# And these, from before a mean residual told how far offsets drift, blamed sensors told of a motor, and a press was looked
-# for in the change since a moment before.
+# And these, from before a mean residual told how far offsets drift, blamed sensors told of a motor, and the recent rest
+# showed light presses.
 LATER = (*OF_SLIP, "further_drift", "calm_drift", "blamed", "recent_moved_s", "recent_change", "recent_ambient_t")
 
 # A baseline may be of any age, as after a restart or a replaced cable. In a minute the ambient field walks by 57 µT, as
