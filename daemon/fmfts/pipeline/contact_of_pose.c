@@ -25,6 +25,7 @@ bool fmfts_has_trusted_pose(fmfts_frame_work *work)
         fmfts_unseen(&work->memory->contact);
         work->memory->pose.rested_s = 0.0;
         work->memory->pose.unseen_s += work->step.field.elapsed_s;
+        work->memory->contact.recent_moved_s += work->step.field.elapsed_s;
         return false;
     }
     return true;
@@ -132,7 +133,7 @@ bool fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
         bool was_contact = memory->contact.in_contact != 0.0;
         fmfts_press(&pad->parameters->contact, &memory->contact, &work->estimate);
         if (memory->contact.in_contact != 0.0) {
-            memory->contact.recent_moved_s = 0.0;
+            memory->contact.recent_moved_s = was_contact ? memory->contact.recent_moved_s : 0.0;
         } else if (!fmfts_compare_recent(pad, work, was_contact)) {
             return false;
         }

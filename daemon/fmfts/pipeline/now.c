@@ -127,9 +127,10 @@ static bool is_pressed(const fmfts_pad *pad, const fmfts_memory *memory, const f
 {
     double chi2;
     bool is_certain = memory->contact.in_contact != 0.0 || estimate->doubt < 1.0;
-    return memory->motion.motion_state[2] < 0.0 && is_certain &&
-           fmfts_chi2_from_rest(FMFTS_MOVED, displacement->change, displacement->at_rest, &chi2) &&
-           chi2 > pad->parameters->contact.release_chi2;
+    bool has_moved = memory->contact.in_contact == FMFTS_RECENT_PRESS || /* recent_rest.c: the change since the baseline hides it */
+                     (fmfts_chi2_from_rest(FMFTS_MOVED, displacement->change, displacement->at_rest, &chi2) &&
+                      chi2 > pad->parameters->contact.release_chi2);
+    return memory->motion.motion_state[2] < 0.0 && is_certain && has_moved;
 }
 
 /* The contact at time_us, into `now`; not known if the filter or the model does not give it. False if a model that is an

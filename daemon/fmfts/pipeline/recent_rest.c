@@ -14,6 +14,8 @@
 #define MEAN_S 0.25
 /* A change that no press explains is taken for rest after this time: steel was put down, or a finger was there before. */
 #define UNEXPLAINED_S 5.0
+/* No press raises the magnet: a finger left that was there for so long that its errors had hidden it. */
+#define RAISED_S 0.1
 /* So is one that a press explains. The errors of a robot that turns have hidden it by then. */
 #define LONGEST_S 30.0
 /* A press explains this share of its change, as a contact begins and later. A slow tool of 0.02 A·m² at 45 mm: to 0.96. */
@@ -85,7 +87,7 @@ bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was
         return true;
     }
     memory->recent_moved_s += work->step.field.elapsed_s;
-    if (memory->recent_moved_s > (was_contact ? LONGEST_S : UNEXPLAINED_S)) {
+    if (memory->recent_moved_s > (was_contact ? LONGEST_S : change[2] > 0.0 ? RAISED_S : UNEXPLAINED_S)) {
         follow_rest(work, memory);
         return true;
     }

@@ -73,7 +73,7 @@ def add_calibrate(verb: AddVerb) -> None:
     calibrate.add_argument(
         "--route",
         choices=("field", "pose", "both"),
-        help="of a set with force_x_n, force_y_n and force_z_n: how to go to the forces (the best of the three)",
+        help="of a set with force_x_n, force_y_n and force_z_n: how to get there (field or both, whichever errs less)",
     )
     add_workers(calibrate, "for the folds by which --hidden is found")
     _add_shared(calibrate)
