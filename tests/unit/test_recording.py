@@ -20,6 +20,7 @@ from mcap.reader import make_reader
 
 from fmfts.bus.messages import ContactMessage
 from fmfts.cli import main as cli
+from fmfts_client import Message
 from fmfts_recording import recorder
 from fmfts_recording.file import Recorded, RecordingError, RecordingWriter, is_whole, read
 from fmfts_recording.replay import Comparison, Replay
@@ -272,3 +273,15 @@ def test_recorder_hands_the_signals_back(tmp_path: Path, monkeypatch: pytest.Mon
     ):
         of_nobody.run(1.0)
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_recorder_says_why_a_pad_has_no_frames(tmp_path: Path) -> None:
+    """A pad whose first `state` has not come yet is not blamed with what its contacts say of it."""
+    with closing(recorder.Recorder(tmp_path / "a.mcap", None, f"ipc://{tmp_path}/bus")) as of_two:
+        for pad, health, reason in (("left", "disconnected", "no port"), ("right", "disturbed", "steel")):
+            body = {"boot": "b", "seq": 1, "health": health, "reason": reason, "utc_ns": 1}
+            of_two._take(Message("contact", pad, body))
+        unplugged, early = of_two.without_frames()
+    assert unplugged == "no frames of pad 'left' were recorded: disconnected: no port"
+    assert early.startswith("no frames of pad 'right' were recorded: its first `state`")
+    assert early.endswith("had not come yet: record for longer")

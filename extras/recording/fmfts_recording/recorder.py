@@ -17,6 +17,7 @@ import zmq
 from fmfts.config import PadConfig
 from fmfts.config.pad_facts import pad_facts
 from fmfts.view.silence import require_pad, why_nothing_came
+from fmfts.view.tally import WITHOUT_FRAMES
 from fmfts_client import Endpoints, Message, Subscription
 from fmfts_client.endpoints import for_client
 from fmfts_recording.file import RecordingError, RecordingWriter
@@ -34,6 +35,13 @@ MOST_BEFORE_STATE = 1000  # contacts of a pad that wait for its state: 4.5 s
 
 class NothingCameError(RecordingError):
     """No message arrived, so there is nothing to record."""
+
+
+def _why_without_frames(contact: dict[str, Any]) -> str:
+    """contact: the pad's last. Its frames are left out before its first `state`."""
+    if contact["health"] not in WITHOUT_FRAMES:
+        return "its first `state`, without which frames cannot be replayed, had not come yet: record for longer"
+    return f"{contact['health']}: {contact['reason']}"
 
 
 class Recorder:
@@ -61,7 +69,7 @@ class Recorder:
         for subscription in (self._bus, self._frames):
             self._poller.register(subscription.socket, zmq.POLLIN)
         self._with_state: set[str] = set()
-        self._reason: dict[str, str] = {}  # of each pad's last contact
+        self._contact: dict[str, dict[str, Any]] = {}  # of each pad, the last
         self._scenes: dict[str, PadScene | None] = {}
         self._for_ros = for_ros
         self._ros: dict[str, RosPad] = {}
@@ -104,8 +112,8 @@ class Recorder:
     def without_frames(self) -> list[str]:
         """Of each pad that sent messages but no frames: a sentence that says why."""
         return [
-            f"no frames of pad '{pad}' were recorded: {reason.removesuffix(': ')}"
-            for pad, reason in sorted(self._reason.items())
+            f"no frames of pad '{pad}' were recorded: {_why_without_frames(contact)}"
+            for pad, contact in sorted(self._contact.items())
             if pad not in self._with_state
         ]
 
@@ -147,7 +155,7 @@ class Recorder:
             key, seq = (message.pad, message.body["boot"]), message.body["seq"]
             self.missed += seq - self._next_seq.get(key, seq)
             self._next_seq[key] = seq + 1
-            self._reason[message.pad] = f"{message.body['health']}: {message.body['reason']}"
+            self._contact[message.pad] = message.body
         self._writer.add(message.kind, message.pad, message.body)
         if message.kind == "state":
             self._draw_from_now_on(message)
