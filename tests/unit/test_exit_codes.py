@@ -110,7 +110,9 @@ def test_output_on_a_full_disk_is_called_full(verb: str, is_buffered: bool, plac
     with open("/dev/full", "w") as full:
         ended = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, env=environment, check=False)
     assert ended.returncode == exit_codes.UNWRITABLE, ended
-    assert ended.stderr.startswith(f"fmfts-daemon {verb}: its output: No space left on device: the disk is full")
+    assert ended.stderr.startswith(
+        f"fmfts-daemon {verb}: its output, or a file that it writes: No space left on device: the disk is full"
+    )
 
 
 @pytest.mark.parametrize("verb", [("probe",), ("selftest",), ("baseline", "--rest")], ids=" ".join)

@@ -69,19 +69,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if error.errno not in FULL or error.filename is not None:
             raise
         _write_no_more()
-        print(f"{command}: its output: {why_not_written(error)}", file=sys.stderr)
+        print(f"{command}: its output, or a file that it writes: {why_not_written(error)}", file=sys.stderr)
         return exit_codes.UNWRITABLE
 
 
 def _write_no_more() -> None:
     """Nobody takes the output any more: write nothing, also not at exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if sys.stdout is not None:  # None: closed from the beginning (>&-)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _handled(options: argparse.Namespace) -> int:
     try:
         code: int = options.handler(options)
-        if sys.stdout is not None:  # None: closed from the beginning (>&-)
+        if sys.stdout is not None:
             sys.stdout.flush()
         return code
     except ModuleNotFoundError as error:
