@@ -14,9 +14,9 @@
 #define MEAN_S 0.25
 /* A change that no press explains is taken for rest after this time: steel was put down, or a finger was there before. */
 #define UNEXPLAINED_S 5.0
-/* No press raises the magnet: a finger left that was there for so long that its errors had hidden it. */
+/* After this time, if it raises the magnet, which no press does: a finger left that the turned field's errors had hidden. */
 #define RAISED_S 0.1
-/* So is one that a press explains. The errors of a robot that turns have hidden it by then. */
+/* A change that a press explains is taken for rest after this time: the turned field's errors have hidden the press by then. */
 #define LONGEST_S 30.0
 /* A press explains this share of its change, as a contact begins and later. A slow tool of 0.02 A·m² at 45 mm: to 0.96. */
 #define BEGINNING_SHARE 0.98
