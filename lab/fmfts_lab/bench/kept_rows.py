@@ -14,6 +14,11 @@ Facts = dict[str, Any]
 Rows = Sequence[Sequence[Facts]]  # for each row of the table, the result of each seed
 
 
+def part(seeds: Sequence[dict[str, Any]], key: str, whole: str) -> str:
+    """Of all seeds."""
+    return f"{sum(one[key] for one in seeds):.0f} of {sum(one[whole] for one in seeds):.0f}"
+
+
 def spread(values: Iterable[float | None], form: str) -> str:
     """The lowest and the highest, once where both read the same; "–" where a seed has none."""
     found = list(values)
@@ -41,7 +46,7 @@ def answers(seeds: Sequence[Facts]) -> tuple[str, ...]:
     """Of a row: wrong frames, worst error, coverage and mean errors. The worst is infinite, which JSON writes as null,
     where a lower bound of a force is above the force."""
     return (
-        f"{sum(one['wrong'] for one in seeds)} of {sum(one['frames'] for one in seeds)}",
+        part(seeds, "wrong", "frames"),
         spread((inf if one["worst_sd"] is None else one["worst_sd"] for one in seeds), ".1f"),
         percent(one["within_2_sd"] for one in seeds),
         spread((1e3 * one["place_error_m"] if one["place_error_m"] is not None else None for one in seeds), ".2f"),
@@ -67,7 +72,7 @@ def as_built(rows: Rows) -> str:
                 # Each pad has one modulus, one thickness and one finger: pads, not frames, are independent.
                 f"{mean(seeds, 'within_2_sd')} ± {100.0 * stdev(pads) / len(pads) ** 0.5:.1f} %",
                 f"{mean(seeds, 'place_within_2_sd')}, {mean(seeds, 'force_within_2_sd')} %",
-                f"{sum(one['missed'] for one in seeds)} of {sum(one['presses'] for one in seeds)}",
+                part(seeds, "missed", "presses"),
                 str(sum(sum(one["refused"].values()) for one in seeds)),
             )
         )
@@ -95,7 +100,7 @@ def shipped(rows: Rows) -> str:
                 first["kind"],
                 *answers(seeds),
                 *(percent((noticed(one, *range_n) for one in seeds), ".0%") for range_n in LIGHT_N),
-                f"{sum(one['false_contact_frames'] for one in seeds)} of {sum(one['rest_frames'] for one in seeds)}",
+                part(seeds, "false_contact_frames", "rest_frames"),
             )
         )
     touches = (f"{low:g} to {high:g} N" for low, high in LIGHT_N)
@@ -129,7 +134,7 @@ def tilted(rows: Rows) -> str:
             (
                 f"{first['friction']:g}",
                 f"{first['tilt_deg']:g}°",
-                f"{sum(one['wrong'] for one in seeds):.0f} of {sum(one['frames'] for one in seeds):.0f}",
+                part(seeds, "wrong", "frames"),
                 spread((one["worst_sd"] for one in seeds), ".1f"),
                 spread((one["place_within_2_sd"] for one in seeds), ".1%"),
                 spread((one["force_within_2_sd"] for one in seeds), ".1%"),
@@ -161,7 +166,7 @@ def structured(rows: Rows) -> str:
             (
                 f"{first['friction']:g}",
                 first["cell"],
-                f"{sum(one['wrong'] for one in seeds):.0f} of {sum(one['frames'] for one in seeds):.0f}",
+                part(seeds, "wrong", "frames"),
                 f"{max(one['worst_sd'] for one in seeds):.1f}",
                 spread((one["place_within_2_sd"] for one in seeds), ".1%"),
                 spread((one["force_within_2_sd"] for one in seeds), ".1%"),
@@ -192,10 +197,10 @@ def warming(rows: Rows) -> str:
                 f"{1e9 * first['t_per_k']:.0f} nT/K",
                 first["ambient"],
                 spread((one["least_published"] for one in seeds), ".2%").replace("%", " %").replace("  ", " "),
-                f"{sum(one['wrong'] for one in seeds)} of {sum(one['frames'] for one in seeds)}",
+                part(seeds, "wrong", "frames"),
                 spread((one["worst_sd"] for one in seeds), ".1f"),
                 spread((one["false_onsets"] for one in seeds), "d"),
-                f"{sum(one['false_frames'] for one in seeds)} of {sum(one['rest_frames'] for one in seeds)}",
+                part(seeds, "false_frames", "rest_frames"),
             )
         )
     columns = ("drift", "scene", "published by the worst pad", "wrong", "worst, sd", "false onsets", "in frames")
