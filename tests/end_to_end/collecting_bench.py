@@ -36,6 +36,7 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.config.file import load_as
 from fmfts.pad import Array
 from fmfts.sensor.bridge.bridge import Bridge
+from fmfts_collect import guard
 from fmfts_collect.clock import Clock, Monotonic
 from fmfts_collect.settings import CollectingConfig
 from fmfts_collect.work import collect
@@ -49,6 +50,8 @@ UPDATE_S = 0.004
 TICK_S = 0.001
 EARTH_T = np.array([2.1e-5, -0.4e-5, 4.3e-5])
 GAUGE_RATE_HZ = 160.0
+# The guard is a process of its own and waits by the real clock, in which this process may stand still for seconds.
+STEPPED_HANG_S = 120.0
 
 CONFIG = """
 [[pad]]
@@ -294,7 +297,12 @@ class PressedBench:
     @contextmanager
     def _surroundings(self) -> Iterator[None]:
         clock_ns = staticmethod(self.clock.now_ns if self._stepped else time.monotonic_ns)
-        with patch.dict(os.environ, self.environment), patch.object(Bridge, "clock_ns", clock_ns):
+        hang_s = STEPPED_HANG_S if self._stepped else guard.HANG_S
+        with (
+            patch.dict(os.environ, self.environment),
+            patch.object(Bridge, "clock_ns", clock_ns),
+            patch.object(guard, "HANG_S", hang_s),
+        ):
             yield
 
     def magnet_field_t(self, x_m: float, y_m: float, force_n: float) -> np.ndarray:

@@ -176,7 +176,6 @@ def test_rod_is_lifted_when_a_limit_switch_is_hit(bench: PressedBench, reason: s
     assert bench.rod_is_up()
 
 
-@pytest.mark.real_time  # the guard waits a second for a collector that is held up
 @both_dialects
 def test_stalled_stage_gets_the_emergency_stop(bench: PressedBench) -> None:
     end = ended(bench, lambda: setattr(bench.machine, "stalled", True))

@@ -161,20 +161,19 @@ def test_guard_reads_how_the_collector_ended(said: bytes, end: guard._End) -> No
     reading, writing = os.pipe()
     os.write(writing, said)
     os.close(writing)
-    assert guard._wait(reading) is end
+    assert guard._wait(reading, HANG_S) is end
     os.close(reading)
 
 
-def test_silence_counts_as_hang_only_while_rod_is_down(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silence_counts_as_hang_only_while_rod_is_down() -> None:
     """With the rod up the collector may wait for a person."""
-    monkeypatch.setattr(guard, "HANG_S", 0.05)
     reading, writing = os.pipe()
     os.write(writing, guard.DOWN)
-    assert guard._wait(reading) is guard._End.HANGS
+    assert guard._wait(reading, 0.05) is guard._End.HANGS
     os.write(writing, guard.DOWN + guard.UP)
     ending = threading.Timer(0.3, os.close, [writing])
     ending.start()
-    assert guard._wait(reading) is guard._End.DIED
+    assert guard._wait(reading, 0.05) is guard._End.DIED
     ending.join()
     os.close(reading)
 

@@ -40,7 +40,8 @@ class Guard:
     """A guard process for the machine on `port` (a file descriptor), until `close`."""
 
     def __init__(self, port: int, rescue: Rescue) -> None:
-        words = [str(port), *(f"{data.hex()}:{seconds:.3f}" for data, seconds in rescue.steps)]
+        self._hang_s = HANG_S
+        words = [str(port), f"{HANG_S:g}", *(f"{data.hex()}:{seconds:.3f}" for data, seconds in rescue.steps)]
         # A session of its own, so that Ctrl-C and a closed terminal do not end the guard.
         self._process = subprocess.Popen(
             [sys.executable, "-m", "fmfts_collect.guard", *words],
@@ -77,7 +78,7 @@ class Guard:
             os.write(self._pipe, self._beat)
         except BrokenPipeError:
             if self._process.wait() == GOOD:
-                return f"collect stood still for {HANG_S:g} s: was it stopped, or is this computer too busy?"
+                return f"collect stood still for {self._hang_s:g} s: was it stopped, or is this computer too busy?"
         except BlockingIOError:
             pass  # the guard is alive but does not read
         return ""
@@ -91,35 +92,36 @@ class _End(Enum):
     """How a collector ended."""
 
     DONE = "ended by itself"
-    DIED = "collect ended with the rod down"
-    HANGS = f"collect stood still for {HANG_S:g} s with the rod down"
+    DIED = "ended with the rod down"
+    HANGS = "stood still with the rod down"
 
 
 def main(words: Sequence[str]) -> int:
-    port, steps = int(words[0]), [word.split(":") for word in words[1:]]
-    end = _wait(sys.stdin.fileno())
+    port, hang_s, steps = int(words[0]), float(words[1]), [word.split(":") for word in words[2:]]
+    end = _wait(sys.stdin.fileno(), hang_s)
     if end is _End.DONE:
         return GOOD
     os.close(sys.stdin.fileno())
+    said = f"collect stood still for {hang_s:g} s with the rod down" if end is _End.HANGS else f"collect {end.value}"
     try:
         for data, seconds in steps:
             _write(port, bytes.fromhex(data))
             time.sleep(float(seconds))
     except OSError as error:
         print(
-            f"{end.value}, and it MAY STILL PRESS: {error.strerror}; lift it by hand",
+            f"{said}, and it MAY STILL PRESS: {error.strerror}; lift it by hand",
             file=sys.stderr,
         )
         return NOT_LIFTED
-    print(f"{end.value}: the rod was sent up", file=sys.stderr)
+    print(f"{said}: the rod was sent up", file=sys.stderr)
     return GOOD
 
 
-def _wait(pipe: int) -> _End:
+def _wait(pipe: int, hang_s: float) -> _End:
     """Waits until the collector ends or hangs."""
     last = UP
     while True:
-        if not select.select([pipe], [], [], HANG_S if last == DOWN else None)[0]:
+        if not select.select([pipe], [], [], hang_s if last == DOWN else None)[0]:
             return _End.HANGS
         received = os.read(pipe, 4096)
         if not received:
