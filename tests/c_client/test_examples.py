@@ -140,8 +140,6 @@ def test_gripper_opens_when_pad_is_pressed_and_when_daemon_hangs(
         else:
             pytest.fail(f"it never says that nothing arrives: {gripper.lines}")
         gripper.says("CLOSE")
-    uncertain = [line for line in gripper.lines if "less certain" in line]
-    assert not uncertain, "a pad as the demo has it is certain enough, touched or not"
 
 
 def test_gripper_says_why_it_stays_open_without_a_baseline(with_cmake: Path, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from fmfts_recording.replay import Replay
 from fmfts_report.file import NAME, facts_of
 
 CONTACT = Path(fmfts.contact.__file__).parent
-SOME = 30  # frames of a second or two, on a busy computer
+SOME = 1  # frames of a second or two; a busy computer emulates few
 HMC_CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "i2c"\nbus = 7\n'
 
 

@@ -8,7 +8,7 @@ import socket
 import stat
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
@@ -40,8 +40,9 @@ class BrowserInForeground:
         return self._arguments.read_text().strip()
 
     def close(self) -> None:
-        if self._pid.exists():
-            os.kill(int(self._pid.read_text()), signal.SIGKILL)
+        with suppress(ProcessLookupError):  # it ends by itself after a minute
+            if self._pid.exists():
+                os.kill(int(self._pid.read_text()), signal.SIGKILL)
 
 
 @contextmanager

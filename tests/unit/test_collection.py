@@ -14,7 +14,7 @@ from fmfts.baseline.job import EXTRA_S, SETTLING_S, BaselineJob, Collection
 from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.sensor import Frame
-from fmfts.sensor.tasks import PATIENCE_S
+from fmfts.sensor.tasks import OPENING_S, PATIENCE_S
 from fmfts_lab.bench.drills import record
 from fmfts_simulation.baseline import hold_still
 from fmfts_simulation.finger import no_finger
@@ -135,3 +135,21 @@ def test_silence_is_reported_with_the_source_cause() -> None:
     assert problem.endswith(
         'no frame within 3 s: sensor 2 is a QMC5883L at 0x0D, not an HMC5983: set chip = "qmc5883l"'
     )
+
+
+def test_seconds_in_which_a_device_is_opened_do_not_count_as_silence() -> None:
+    """A slow computer takes several of them to start the process that reads an I2C bus."""
+    source = Simulated(PadConfig(name="left", source=SimulatedSource()))
+    collection, begun_s = Collection(source, 0.5), time.monotonic()
+    opened_s = begun_s + 3.0 * PATIENCE_S
+    assert collection.problem(opened_s) == ""
+    source.poll(time.monotonic_ns())
+    assert collection.problem(opened_s + 0.9 * PATIENCE_S) == ""
+    assert "no frame within 3 s" in collection.problem(opened_s + 1.1 * PATIENCE_S)
+
+
+def test_device_that_is_being_opened_for_ever_is_reported() -> None:
+    source = Simulated(PadConfig(name="left", source=SimulatedSource()))
+    collection, begun_s = Collection(source, 0.5), time.monotonic()
+    assert collection.problem(begun_s + 0.9 * OPENING_S) == ""
+    assert collection.problem(begun_s + OPENING_S + PATIENCE_S).endswith("it is being opened")

@@ -16,7 +16,7 @@ from fmfts.baseline.request import BaselineRequest, Recorded, restore
 from fmfts.pad import Pad
 from fmfts.sensor import Frame, Source
 from fmfts.sensor.probing import silence_of
-from fmfts.sensor.tasks import PATIENCE_S, Selftest
+from fmfts.sensor.tasks import PATIENCE_S, Deadline, Selftest
 from fmfts.service.recorded_by import foreign
 
 # The device's clock decides when a recording is complete; this computer's clock decides when it takes too long.
@@ -38,16 +38,19 @@ class Collection:
         self._pad_index = pad_index
         self._duration_s = duration_s
         self._fewest = fewest
-        self._begun_s = self._heard_s = time.monotonic()
+        self._begun_s = time.monotonic()
+        self._silent_too_long = Deadline(source)
         self._leapt = False
         self._least_delay_ns = 0
 
     def take(self, frame: Frame) -> None:
         if self.frames and frame.gain_code != self.frames[-1].gain_code and self._span_s < SETTLING_S:
             self.frames.clear()
+        if not self.frames:
+            self._begun_s = time.monotonic()
         self._leapt |= self._leaps_at(frame)
         self.frames.append(frame)
-        self._heard_s = time.monotonic()
+        self._silent_too_long.heard()
 
     @property
     def complete(self) -> bool:
@@ -62,9 +65,9 @@ class Collection:
         """Why the collection will not get complete; "" if it still may."""
         if self._leapt:
             return "the device's clock leapt while recording: was it reset? Check its supply, then record again"
-        if now_s - self._heard_s > PATIENCE_S:
+        if self._silent_too_long.passed(now_s):
             return silence_of(self._source, self._pad_index, PATIENCE_S)
-        if now_s - self._begun_s > self._duration_s + OVERTIME_S:
+        if self.frames and now_s - self._begun_s > self._duration_s + OVERTIME_S:
             return f"in {now_s - self._begun_s:.0f} s the device's clock went on by {self._span_s:.1f} s: is it halted?"
         return ""
 

@@ -23,7 +23,7 @@ from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.missing import missing_sensors
 from fmfts.sensor.probing import is_sound, probe_facts
 from fmfts.sensor.source import HandledSource
-from fmfts.sensor.tasks import PATIENCE_S, Task
+from fmfts.sensor.tasks import PATIENCE_S, Deadline, Task
 from fmfts.sources import open_sources, origin_of, require_device
 from fmfts.view.progress import Show, progress_bar
 from fmfts_client import BadKeyError, ControlError, EndpointError, RefusedError, request
@@ -187,9 +187,9 @@ def probe(config: Config) -> dict[str, Any]:
     sources = open_sources(config.pad)
     missing: dict[str, dict[int, str]] = {}  # by pad, of its last frame
     whole: set[str] = set()  # pads whose last frame had all sensors, without a reported fault
-    until = time.monotonic() + PATIENCE_S
+    deadline = Deadline(*(source for source, _ in sources))
     try:
-        while time.monotonic() < until and len(whole) < len(config.pad):
+        while not deadline.passed(time.monotonic()) and len(whole) < len(config.pad):
             for source, names in sources:
                 for frame in source.poll(time.monotonic_ns()):
                     if frame.pad_index in names:

@@ -199,7 +199,7 @@ def _asked(source: Any) -> tuple[dict[str, Any], str]:
     """The source's own facts, and why there are none, or its fault."""
     from fmfts.config import PadConfig
     from fmfts.sensor import SourceError
-    from fmfts.sensor.tasks import PATIENCE_S
+    from fmfts.sensor.tasks import Deadline
     from fmfts.sources import open_sources
 
     try:
@@ -207,8 +207,8 @@ def _asked(source: Any) -> tuple[dict[str, Any], str]:
     except SourceError as error:
         return {}, str(error)
     try:
-        until = time.monotonic() + PATIENCE_S
-        while time.monotonic() < until and not (device.state.board and device.state.connected):
+        deadline = Deadline(device)
+        while not deadline.passed(time.monotonic()) and not (device.state.board and device.state.connected):
             device.poll(time.monotonic_ns())
             time.sleep(TURN_S)
         return device.state.board, device.state.reason or ("" if device.state.board else "no board answers")

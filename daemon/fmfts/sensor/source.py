@@ -19,6 +19,9 @@ class AbsentError(SourceError):
     """The device is not connected."""
 
 
+OPENING = "it is being opened"
+
+
 class LackingError(SourceError):
     """The package that reads it is not installed, or does not fit this version."""
 
@@ -34,7 +37,7 @@ class SourceState:
     description: str
     connected: bool = False
     has_clock: bool = False  # a board's clock times its samples
-    reason: str = "it is being opened"
+    reason: str = OPENING
     since_ns: int = 0
     crc_errors: int = 0
     garbage_bytes: int = 0
@@ -45,6 +48,11 @@ class SourceState:
     warnings: dict[str, str] = field(default_factory=dict)  # subject → a sentence that holds now
     board: dict[str, object] = field(default_factory=dict)  # identity: uid, firmware, reset cause, chips …
     _was_connected: bool = False
+
+    @property
+    def is_opening(self) -> bool:
+        """Whether it was neither connected nor found absent yet."""
+        return not self.connected and not self.since_ns
 
     def leave_out(self, counts: Sequence[int]) -> None:
         """Count frames that were left out, by pad index."""

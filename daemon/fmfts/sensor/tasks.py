@@ -7,10 +7,30 @@ from typing import Any, Protocol
 
 from fmfts.sensor import Source
 
-# A board says hello within a second of being opened, a reader process starts in half of one.
+# A board says hello within a second of being opened, a reader process starts in half of one; on a slow or busy computer
+# it takes seconds, which do not count.
 PATIENCE_S = 3.0
+OPENING_S = 15.0
 USUAL_SELFTEST_S = 5.0
 SELFTEST_S = 25.0  # longer than a source waits for its device (wire/selftests.py)
+
+
+class Deadline:
+    """PATIENCE_S after the last sign of life of these sources, or after the last of them was opened."""
+
+    def __init__(self, *sources: Source) -> None:
+        self._sources = sources
+        self._begun_s = self._heard_s = time.monotonic()
+
+    def heard(self) -> None:
+        """There was a sign of life."""
+        self._heard_s = time.monotonic()
+
+    def passed(self, now_s: float) -> bool:
+        """now_s: time.monotonic()."""
+        if now_s - self._begun_s < OPENING_S and any(source.state.is_opening for source in self._sources):
+            self._heard_s = now_s
+        return now_s - self._heard_s > PATIENCE_S
 
 
 class Task(Protocol):

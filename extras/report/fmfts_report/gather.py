@@ -21,7 +21,8 @@ from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor import SourceError
 from fmfts.sensor.bridge.serial_port import candidates
 from fmfts.sensor.i2c.scan import Found, scanned
-from fmfts.sensor.tasks import PATIENCE_S, SELFTEST_S
+from fmfts.sensor.source import OPENING
+from fmfts.sensor.tasks import OPENING_S, PATIENCE_S, SELFTEST_S
 from fmfts.service.child import ChildDaemon, child_daemon
 from fmfts.view.progress import Show
 from fmfts_client import request
@@ -136,9 +137,13 @@ class Gathering:
         if not child.is_serving():
             raise SourceError(self._why_ended("does not serve"))
         self.started = child
-        until_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < until_s and not all(pad["connected"] for pad in _probed(own)):
+        begun_s, pads = time.monotonic(), _probed(own)
+        while not all(pad["connected"] for pad in pads):
+            patience_s = OPENING_S if any(pad["reason"] == OPENING for pad in pads) else PATIENCE_S
+            if time.monotonic() - begun_s > patience_s:
+                break
             time.sleep(TURN_S)
+            pads = _probed(own)
         return own, "a daemon started for the report"
 
     def _why_ended(self, what: str) -> str:
