@@ -735,12 +735,12 @@ static bool bus_of(const char *base, char endpoint[ENDPOINT_SIZE], char why[FMFT
         const char *port = colon + 1;
         size_t digits = strspn(port, "0123456789");
         long number = strtol(port, NULL, 10);
-        if (digits > 0 && port[digits] == 0 && number > 0 && number <= 65533) {
+        if (digits > 0 && port[digits] == 0 && number > 0 && number <= 65532) {
             snprintf(endpoint, ENDPOINT_SIZE, "%s", base);
             return true;
         }
     }
-    return fail(why, "'%.100s' is no base: give ipc:///absolute/directory or tcp://host:port (at most 65533)", base);
+    return fail(why, "'%.100s' is no base: give ipc:///absolute/directory or tcp://host:port (at most 65532)", base);
 }
 
 static const char *temporary_directory(void)

@@ -111,7 +111,7 @@ def refused(program: Path, *words: str, **changes: str) -> str:
 
 
 def test_failed_connection_says_what_to_do(program: Path, tmp_path: Path) -> None:
-    for base in ("ipc://relative", "tcp://:5570", "tcp://host:0", "tcp://host:65534", "tcp://host:1x", "http://a:1"):
+    for base in ("ipc://relative", "tcp://:5570", "tcp://host:0", "tcp://host:65533", "tcp://host:1x", "http://a:1"):
         assert "is no base" in refused(program, "demo", base), base
     assert "too long" in refused(program, "demo", f"ipc:///{'x' * 105}")
     assert "a pad's name" in refused(program, "x" * 65)

@@ -55,7 +55,7 @@ def test_base_of_a_port_names_three_ports() -> None:
         "tcp://127.0.0.1",
         "tcp://:5570",
         "tcp://h:0",
-        "tcp://h:65534",
+        "tcp://h:65533",
         "tcp://h:x",
     ],
 )

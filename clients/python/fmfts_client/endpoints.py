@@ -53,18 +53,18 @@ class Endpoints:
         """The three endpoints of a base.
 
         `ipc:///path/dir` → `ipc:///path/dir/bus`, `…/control`, `…/frames`;
-        `tcp://host:port` → bus on `port`, control on `port + 1`, frames on `port + 2`. A socket of the directory
-        (`ipc:///path/dir/bus`, as `listen` prints it) means the directory.
+        `tcp://host:port` → bus on `port`, control on `port + 1`, frames on `port + 2`, joints on `port + 3`. A
+        socket of the directory (`ipc:///path/dir/bus`, as `listen` prints it) means the directory.
         """
         if base.startswith("ipc:///"):
             return cls._in_directory(_directory_of(base), key)
         host, colon, port = base[len("tcp://") :].rpartition(":")
-        if base.startswith("tcp://") and colon and host and port.isdecimal() and 0 < int(port) <= 65533:
+        if base.startswith("tcp://") and colon and host and port.isdecimal() and 0 < int(port) <= 65532:
             bus, control, frames = (f"tcp://{host}:{int(port) + offset}" for offset in range(3))
             return cls(bus, control, frames, key)
         raise EndpointError(
             f"{base!r} is not a base of endpoints: give ipc:///absolute/directory or tcp://host:port (port at most "
-            "65533)"
+            "65532)"
         )
 
     @classmethod
