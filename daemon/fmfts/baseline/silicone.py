@@ -12,7 +12,7 @@ from fmfts.contact.tolerances import MODULUS, THICKNESS_M, StructureTolerance
 # Another pad of its cast: the modulus of one batch and cure to 5 %, and a thickness of its own. The weight measured the
 # old pad's thickness along with the modulus, so both pads' thicknesses count.
 SAME_CURE = 0.05
-OTHER_THICKNESS = StructureTolerance(thickness_m=THICKNESS_M).force_share
+OTHER_THICKNESS = StructureTolerance(thickness_m=THICKNESS_M).scale_deviation
 UNWEIGHED = StructureTolerance(MODULUS, THICKNESS_M).scale_deviation
 
 

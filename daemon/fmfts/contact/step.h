@@ -51,7 +51,7 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
     MANY(double, own_deviation, FMFTS_CONTACT * FMFTS_BINS * FMFTS_BINS) /* [force][radius][outputs] */                \
     MANY(double, trained_force_n, FMFTS_BINS * FMFTS_BINS)                                                             \
     MANY(double, slipping_n, FMFTS_BINS) /* by radius */                                                               \
-    ONE(double, modulus_share) /* tolerances.c, as the next six */                                                     \
+    ONE(double, modulus) /* tolerances.c, as the next six */                                                           \
     ONE(double, finger_mm2)                                                                                            \
     ONE(double, known_finger_mm2)                                                                                      \
     ONE(double, ring_mm)                                                                                               \

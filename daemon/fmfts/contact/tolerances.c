@@ -2,16 +2,19 @@
  * These errors are the same in every frame of a pad or touch, so no filter reduces them. Each cause shifts the answer
  * by e, and adds e e^T:
  *
- * - A modulus that is m times as high takes m times the force for the same movement: e = (m - 1) F, exactly, at the same
- * place. Its logarithm is normal: tolerances.py has the mean of (m - 1)^2.
+ * - A modulus that is m times as high takes m times the force for the same movement, at the same place.
  * - Thicker silicone moves less, and in another shape. Its effect on an answer depends on the distance of the press
  * from the middle: parameters.
+ * - Both multiply a force, and the logarithm of their product is normal. So a force is wrong by more upwards than downwards: with s the
+ *   deviation of the logarithm, e = (exp(s) - 1) F is the deviation upwards. The root of the mean square, and more so a sum of both
+ *   causes' squares, is less: it left nearly twice as many pads beyond five deviations.
  * - A finger of another size or shape moves the magnet like the mean of presses at the points of its area, to second order:
  *   d = (h(x + a) + h(x - a)) / 2 - h(x), where a^2 is what its second moment has more than the probe's that calibrated the pad. The
  *   model's Jacobian J takes d for a movement: e = J d. Where the finger's width is known, d is taken from the movement instead. */
 #include <math.h>
 #include <string.h>
 
+#include "../arithmetic/elementary.h"
 #include "step.h"
 
 enum { CONTACT = FMFTS_CONTACT, POSE = FMFTS_POSE, MOVED = FMFTS_MOVED, FORCE = 2 };
@@ -48,14 +51,14 @@ static void count_silicone(const fmfts_contact_parameters *parameters, const fmf
 {
     const double *contact = answer->contact;
     double radius_mm = sqrt(contact[0] * contact[0] + contact[1] * contact[1]);
-    double share = at_radius(parameters, parameters->thicker_share, radius_mm);
+    double modulus = parameters->modulus, thicker = at_radius(parameters, parameters->thicker_share, radius_mm);
+    double upwards = fmfts_exp(sqrt(modulus * modulus + thicker * thicker)) - 1.0;
     double outwards_mm = at_radius(parameters, parameters->thicker_mm, radius_mm);
     for (int axis = 0; axis < FORCE && radius_mm > 0.0; axis++) {
         add_square(&variance[axis], outwards_mm * contact[axis] / radius_mm);
     }
     for (int load = FORCE; load < answer->outputs; load++) {
-        add_square(&variance[load], parameters->modulus_share * contact[load]);
-        add_square(&variance[load], share * contact[load]);
+        add_square(&variance[load], upwards * contact[load]);
     }
 }
 

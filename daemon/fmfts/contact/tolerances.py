@@ -25,7 +25,7 @@ PROBE_M = 6e-3  # width of the probe that calibrated the shipped pads
 SHAPE_SHARE = 1.0 / 3.0  # deviation of a width's correction: a square's second moment is so much larger
 
 # Errors of an answer on a slab that is a millimetre thicker, by distance from the middle: the place outwards, in mm,
-# and the share by which the force is too small. Small strains, mean of an axis and a diagonal: `python -m
+# and the logarithm of the share by which the force is too small. Small strains, mean of an axis and a diagonal: `python -m
 # fmfts_lab.finite_elements.thickness`.
 RING_MM = 2.0
 THICKER_MM = np.array([0.0, -0.25, -0.53, -0.51, 0.08, 1.01, 1.80, 2.10])
@@ -53,7 +53,7 @@ class StructureTolerance:
         """The fields that tolerances.c needs: contact/step.h."""
         thicker_mm = self.thickness_m * 1e3
         return {
-            "modulus_share": self.modulus_share,
+            "modulus": self.modulus,
             "finger_mm2": self.finger_mm2,
             "known_finger_mm2": self.known_finger_mm2,
             "ring_mm": RING_MM,
@@ -81,25 +81,15 @@ class StructureTolerance:
         return float(root_of_squares(farthest_mm2 / 2.0, SHAPE_SHARE * self.known_finger_mm2))
 
     @property
-    def modulus_share(self) -> float:
-        """The deviation of a force, as a share, for a modulus m whose logarithm has the deviation s: the root of the
-        mean of (m − 1)² = e^(2s²) − 2e^(s²/2) + 1."""
-        variance = square(self.modulus)
-        return float(np.sqrt(max(exp(2.0 * variance) - 2.0 * exp(variance / 2.0) + 1.0, 0.0)))
-
-    @property
     def force_share(self) -> float:
-        """The deviation of a force near the middle through the silicone, as a share."""
-        return float(root_of_squares(self.modulus_share, self._thickness_share))
+        """The deviation upwards of a force near the middle through the silicone, as a share: as in tolerances.c."""
+        return float(exp(self.scale_deviation) - 1.0)
 
     @property
     def scale_deviation(self) -> float:
         """The deviation of the logarithm of the scale of forces."""
-        return float(root_of_squares(self.modulus, self._thickness_share))
-
-    @property
-    def _thickness_share(self) -> float:
-        return float(self.thickness_m * 1e3 * (THICKER_SHARE[0] - self._weighed_share))
+        thicker = self.thickness_m * 1e3 * (THICKER_SHARE[0] - self._weighed_share)
+        return float(root_of_squares(self.modulus, thicker))
 
     @property
     def _weighed_share(self) -> float:

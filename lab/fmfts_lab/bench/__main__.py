@@ -33,6 +33,7 @@ from fmfts_lab.bench import (
     shear,
     slip,
     speed,
+    stated_forces,
     tools,
     turning,
 )
@@ -143,6 +144,9 @@ def main() -> None:
     )
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=as_built.run)
+    verb = verbs.add_parser("stated-forces", help="pads as in `as-built --counted stated`, without noise: wrong forces")
+    verb.add_argument("--pads", type=int, default=20000)
+    verb.set_defaults(run=stated_forces.run)
     verb = verbs.add_parser("learned", help="sensors that nobody measured: after baseline --learn, beside known ones")
     verb.add_argument("--pads", type=int, default=4, help="how many boards are drawn")
     verb.add_argument("--seconds", type=float, default=9.1, help="of presses and pauses, for each pad and baseline")
