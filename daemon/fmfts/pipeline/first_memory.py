@@ -26,8 +26,11 @@ OF_SLIP = (
 )
 
 # And these, from before a mean residual told how far offsets drift, blamed sensors told of a motor, and the recent rest
-# showed light presses.
-LATER = (*OF_SLIP, "further_drift", "calm_drift", "blamed", "recent_moved_s", "recent_change", "recent_ambient_t")
+# showed light presses; nor for how long the ambient field was the Earth's.
+LATER = (
+    *(*OF_SLIP, "further_drift", "calm_drift", "blamed"),
+    *("recent_moved_s", "recent_change", "recent_ambient_t", "native_frames"),
+)
 
 # A baseline may be of any age, as after a restart or a replaced cable. In a minute the ambient field walks by 57 µT, as
 # much as if the robot had turned in the Earth's field by any angle.

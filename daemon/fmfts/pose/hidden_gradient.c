@@ -17,6 +17,7 @@
 
 #include "model.h"
 #include "step.h"
+#include "tracking.h"
 
 /* A passing tool rotates its field: at some moments the sum is as strong as the Earth's field alone. So a detected
  * field fades slowly. */
@@ -108,6 +109,9 @@ void fmfts_follow_foreign(fmfts_step *step)
     const fmfts_reference reference = fmfts_reference_beside(parameters, &step->felt);
     double faded_t = memory->foreign_t * FADES_S / (FADES_S + step->field.elapsed_s);
     memory->foreign_t = fmax(foreign_t(parameters, &reference, memory->state, &step->pose), faded_t);
+    if (memory->native_frames < FMFTS_TRUSTED_FRAMES) {
+        memory->native_frames = memory->foreign_t > 0.0 ? 0 : memory->native_frames + 1;
+    }
     if (memory->foreign_t > parameters->strongest_foreign_t) {
         step->verdict.health = FMFTS_DISTURBED;
         step->verdict.has_estimate = false;

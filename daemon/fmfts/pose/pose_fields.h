@@ -112,6 +112,7 @@ typedef enum {
     MANY(double, state, FMFTS_STATE) /* tracker.c: of the last good frame */                                           \
     MANY(double, covariance, FMFTS_STEP * FMFTS_STEP)                                                                  \
     ONE(double, since_good_s)                                                                                          \
+    ONE(int64_t, native_frames) /* with the Earth's field alone, as far as is known; at most FMFTS_TRUSTED_FRAMES */    \
     ONE(double, unread_variance) /* variance of the log moment through the unknown temperature, until one is read */   \
     ONE(double, warmth_variance) /* the largest variance that warming has added */                                     \
     ONE(double, misfit) /* recent mean of chi2 per degree of freedom */                                                \

@@ -165,6 +165,36 @@ static void begin(fmfts_step *step, const double field_t[FMFTS_AXES])
     step->memory->since_good_s += fmax(step->field.elapsed_s, 0.0);
 }
 
+/* The ambient field is then as unknown as before a pad's first frame: pipeline/first_memory.py. */
+#define UNSEEN_S 60.0
+
+/* Solves the frame as a pad's first one, if no frame has shown yet that the field of the frames before was the Earth's. */
+static bool begins_anew(fmfts_attempt *attempt, fmfts_prior *prior, fmfts_solved *solved)
+{
+    fmfts_step *step = attempt->step;
+    const fmfts_pose_parameters *parameters = step->parameters;
+    fmfts_solved anew;
+    if (parameters->at_rest == 0.0 || parameters->part[AMBIENT_COLUMN] != FMFTS_PRIOR ||
+        step->memory->native_frames >= FMFTS_TRUSTED_FRAMES) {
+        return false;
+    }
+    double since_good_s = step->memory->since_good_s;
+    step->memory->since_good_s = fmax(since_good_s, UNSEEN_S);
+    predict(step, prior);
+    step->memory->since_good_s = since_good_s;
+    fmfts_solve_frame(attempt, &anew);
+    fmfts_misfit misfit = {true, anew.freedom, anew.chi2, 0.0};
+    if (!fmfts_fits_steadily(parameters, &anew, &misfit)) {
+        return false;
+    }
+    *solved = anew;
+    step->misfit = misfit;
+    step->memory->native_frames = 0;
+    step->memory->foreign_t = 0.0;
+    fmfts_clear(&step->verdict.reason);
+    return true;
+}
+
 void fmfts_track(fmfts_step *step)
 {
     const fmfts_pose_parameters *parameters = step->parameters;
@@ -187,7 +217,9 @@ void fmfts_track(fmfts_step *step)
     fmfts_compare_moment(step, &solved);
     if (!fmfts_fits_steadily(parameters, &solved, &step->misfit)) {
         fmfts_explain(&attempt, &solved);
-        return;
+        if (verdict->has_estimate || !begins_anew(&attempt, &prior, &solved)) {
+            return;
+        }
     }
     fmfts_accept(step, &prior, &solved);
     verdict->health = whole == all ? FMFTS_OK : FMFTS_DEGRADED;

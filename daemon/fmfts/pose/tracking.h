@@ -11,6 +11,10 @@
  * takes many solves, which converge slowly because none fits. */
 enum { FMFTS_SEARCH_EVERY = 8 };
 
+/* A pad's first frame finds the ambient field and the pose together, and may take steel for both: no later frame then fits
+ * beside that field. So it is trusted only after so many frames in which it was as strong as the Earth's. */
+enum { FMFTS_TRUSTED_FRAMES = 44 };
+
 /* A magnet whose moment is off by this factor (3) is not the pad's. */
 static const double FMFTS_LOG_MOMENT_REACH = 1.0986122886681098;
 
