@@ -64,8 +64,8 @@ def test_steel_thimble_is_reported_and_never_published_as_ok(ambient: Ambient) -
 
 @pytest.mark.parametrize("seed", [11, 12])
 def test_steel_at_the_first_frame_leaves_no_false_field_behind(seed: int) -> None:
-    """Before, these untouched pads were disturbed between touches, and the first one then told 160 wrong frames. Half of
-    the frames are touched. The first frame, which steel moves like a press, may be wrong."""
+    """Before, these untouched pads were disturbed between touches, and the first one then told 160 wrong frames. Half
+    of the frames are touched. The first frame, which steel moves like a press, may be wrong."""
     found = row("thimble", "drifting", seed)
     assert found.wrong <= 1, found.line
     assert found.health["ok"] > 0.48 * found.frames, found.line

@@ -25,8 +25,8 @@ PROBE_M = 6e-3  # width of the probe that calibrated the shipped pads
 SHAPE_SHARE = 1.0 / 3.0  # deviation of a width's correction: a square's second moment is so much larger
 
 # Errors of an answer on a slab that is a millimetre thicker, by distance from the middle: the place outwards, in mm,
-# and the logarithm of the share by which the force is too small. Small strains, mean of an axis and a diagonal: `python -m
-# fmfts_lab.finite_elements.thickness`.
+# and the logarithm of the share by which the force is too small. Small strains, mean of an axis and a diagonal:
+# `python -m fmfts_lab.finite_elements.thickness`.
 RING_MM = 2.0
 THICKER_MM = np.array([0.0, -0.25, -0.53, -0.51, 0.08, 1.01, 1.80, 2.10])
 THICKER_SHARE = np.array([-0.58, -0.60, -0.63, -0.64, -0.57, -0.40, -0.16, 0.09])

@@ -5,7 +5,7 @@
  * since then adds errors (change.c). Steel that passes would be noticed farther away, too, so a press has to explain more.
  *
  * The reverse, too: offsets of a warm pad that drifted further than the chip's figure may look like a press that came slowly. Noise
- * then makes single frames a contact, so that a press begins only where the recent rest shows it, or no drift explains it. */
+ * then makes single frames a contact, so that one begins only where the pose has left the recent rest, or no drift explains it. */
 #include <string.h>
 
 #include "../pose/model.h"
@@ -95,7 +95,7 @@ bool fmfts_may_have_drifted(const fmfts_pad *pad, const fmfts_frame_work *work)
            chi2 < pad->parameters->contact.onset_chi2;
 }
 
-bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was_contact)
+bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was_contact, double doubted)
 {
     const fmfts_contact_parameters *contact = &pad->parameters->contact;
     fmfts_contact_memory *memory = &work->memory->contact;
@@ -125,6 +125,10 @@ bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was
         return true;
     }
     if (!(chi2 > needed) || !(work->estimate.place[2] > 0.0)) {
+        return true;
+    }
+    if (doubted != 0.0) {
+        memory->in_contact = doubted;
         return true;
     }
     fmfts_draw(work->step.parameters, state, &since, MM_PER_M, question.pose, question.covariance);

@@ -7,6 +7,7 @@ Few pads in 10,000 are that far off, and `as-built` has some hundred.
 from __future__ import annotations
 
 from argparse import Namespace
+from itertools import pairwise
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def run(options: Namespace) -> None:
     wrong = np.nan_to_num(off) > WRONG_DEVIATIONS
     print(f"{options.pads} pads: {wrong[..., 2].any(axis=1).sum()} with a wrong force, ", end="")
     print(f"{wrong[..., :2].any(axis=(1, 2)).sum()} with a wrong place")
-    for inner_m, outer_m in zip(RINGS_M, RINGS_M[1:], strict=False):
+    for inner_m, outer_m in pairwise(RINGS_M):
         there = (away_m >= inner_m) & (away_m < outer_m) & ~np.isnan(off[..., 2])
         within = np.mean(off[there] <= WITHIN_DEVIATIONS, axis=0)
         root = np.sqrt(np.mean(np.square(off[there]), axis=0))
