@@ -200,7 +200,7 @@ def test_replaced_pad_is_said_to_be_known_as_well_as_status_shows(
         pipeline = without_baseline(bench.config, load_contact_model(bench.config))
         pipeline.use(one)
         shares.append(f"± {pipeline.force_scale_sd:.0%}")
-    assert shares[0] == "± 18%"
+    assert shares[0] == "± 19%"
     known = f"{shares[0]} ({shares[1]} on the pad that was weighed)"
     assert f"forces are now known to {known}: `fmfts-daemon weigh`" in said
     assert recorded_again(bench, stored, no_finger) == [said]
