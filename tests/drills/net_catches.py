@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -42,11 +43,12 @@ class Extension:
 
 def extensions() -> list[Extension]:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    shared: list[str] = runpy.run_path(str(ROOT / "setup.py"))["FLAGS"]
     return [
         Extension(
             one["name"],
             tuple(one["sources"]),
-            tuple(flag for flag in one["extra-compile-args"] if not flag.startswith(("-W", "-O"))),
+            tuple(flag for flag in (*shared, *one.get("extra-compile-args", ())) if not flag.startswith(("-W", "-O"))),
         )
         for one in project["tool"]["setuptools"]["ext-modules"]
     ]

@@ -7,6 +7,7 @@ has compiled parts of its own.
 from __future__ import annotations
 
 import os
+import runpy
 import subprocess
 import sysconfig
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ BUILD = ROOT / "build/sanitized"
 CHECKS = "-fsanitize=address,undefined,float-cast-overflow"
 SANITIZED = [CHECKS, "-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g", "-O1"]
 SUFFIX = ".abi3.so"
+FLAGS: list[str] = runpy.run_path(str(ROOT / "setup.py"))["FLAGS"]
 
 
 def compiled(sources: Sequence[Path], library: Path, flags: Sequence[str] = ("-std=c11",)) -> Path:
@@ -47,12 +49,13 @@ def library_of(part: dict[str, Any]) -> Path:
 
 def flags_of(part: dict[str, Any]) -> list[str]:
     """The package's flags without its optimisation, which removes errors that should be caught."""
-    return [flag for flag in part["extra-compile-args"] if not flag.startswith("-O")]
+    flags = *FLAGS, *part.get("extra-compile-args", ())
+    return [flag for flag in flags if not flag.startswith("-O")]
 
 
 def build_part(part: dict[str, Any]) -> None:
     library, sources = library_of(part), [ROOT / name for name in part["sources"]]
-    needed = [*sources, *(ROOT / name for name in part["depends"]), ROOT / "pyproject.toml", Path(__file__)]
+    needed = [*sources, *(ROOT / "daemon").rglob("*.h"), ROOT / "pyproject.toml", Path(__file__)]
     if library.exists() and library.stat().st_mtime > max(file.stat().st_mtime for file in needed):
         return
     compiled(sources, library, flags_of(part))

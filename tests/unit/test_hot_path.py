@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_compiled import headers
 
 import fmfts
 from fmfts.common.toml import parse
@@ -122,7 +123,7 @@ def test_steps_of_a_frame_know_no_allocator_and_no_python() -> None:
     pad = next(one for one in modules if one["name"] == "fmfts.pipeline._pad")
     steps = [
         Path(fmfts.__file__).parents[1] / Path(name).relative_to("daemon")
-        for name in (*pad["sources"], *pad["depends"])
+        for name in (*pad["sources"], *(path.relative_to(ROOT) for path in headers(pad)))
         if not Path(name).name.startswith("_") and Path(name).name not in ("aligned.h", "stable_abi.h")
     ]
     assert len(steps) > 50
