@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -238,3 +239,15 @@ def test_too_long_words_make_no_message(written: Written) -> None:
     for position in (0, 1, 3, 4):
         words = tuple(long if number == position else "short" for number in range(5))
         assert written.message(numbers, flags, [1] * 7, words) == (b"", True)  # type: ignore[arg-type]
+
+
+def test_new_number_needs_no_line_of_message_c() -> None:
+    """message.c writes what frame.h lists: docs/how-to.md counts the files of a new field."""
+    header, code = ((ROOT / "daemon/fmfts/pipeline" / name).read_text() for name in ("frame.h", "message.c"))
+    told = re.findall(r"TOLD\((?:\w+), (\w+)\)", header)
+    pose = re.findall(
+        r"^ +(?:ONE|MANY)\(double, (\w+)", header[header.index("#define FMFTS_TOLD_POSE") :], re.MULTILINE
+    )
+    assert {"force_min_n", "displacement_sd_m"} <= set(told) < set(ContactMessage.__struct_fields__)
+    assert {"position_m", "remanence_sd_t"} <= set(pose) < set(POSE)
+    assert not [name for name in told + pose if name in code]

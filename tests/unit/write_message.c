@@ -18,7 +18,7 @@ static void fill(fmfts_reading *r, const double *number)
     number = take(r->estimate.deviation, number, OUTPUTS);
     number = take(&r->force_n, number, 1);
     number = take(&r->force_sd_n, number, 1);
-    number = take(&r->estimate.force_min_n, number, 1);
+    number = take(&r->force_min_n, number, 1);
     number = take(&r->displacement_m, number, 1);
     number = take(&r->displacement_sd_m, number, 1);
     number = take(r->pose.position_m, number, 3);

@@ -62,9 +62,9 @@ void fmfts_tell_fingers(const fmfts_mounted_parameters *mounted, const fmfts_fin
     double deviation[NUMBERS * (1 + FMFTS_TOLD_FINGERS)];
     reading->contact = found->count ? FMFTS_IN_CONTACT : FMFTS_NO_CONTACT;
     reading->over_range = reading->tells_force_min = over_range;
-    reading->estimate.force_min_n = 0.0;
+    reading->force_min_n = 0.0;
     for (size_t f = 0; f < found->count; f++) {
-        reading->estimate.force_min_n += fmin(found->finger[NUMBERS * f + FORCE], mounted->scale_n);
+        reading->force_min_n += fmin(found->finger[NUMBERS * f + FORCE], mounted->scale_n);
     }
     if (over_range) {
         return; /* beyond the table there is only this lower bound */

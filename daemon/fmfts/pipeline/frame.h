@@ -87,10 +87,24 @@ typedef struct {
 
 enum { FMFTS_TOLD_FINGERS = 2, FMFTS_TOLD_MAGNETS = FMFTS_MOST_TOGETHER };
 
-/* A magnet's pose in a message. */
-typedef struct {
-    double position_m[3], position_sd_m[3], axis[3], axis_sd_rad, remanence_t, remanence_sd_t;
-} fmfts_told_pose;
+/* A message's own numbers, in its order: each is null unless the flag of fmfts_reading before it is set. message.c writes whatever is
+ * listed here, under its name. */
+#define FMFTS_TOLD_NUMBERS(TOLD)                                                                                       \
+    TOLD(tells_force_min, force_min_n)                                                                                 \
+    TOLD(tells_displacement, displacement_m)                                                                           \
+    TOLD(tells_displacement, displacement_sd_m)
+#define FMFTS_TOLD_NUMBER(flag, name) double name;
+
+/* A magnet's pose in a message, likewise. */
+#define FMFTS_TOLD_POSE(ONE, MANY)                                                                                     \
+    MANY(double, position_m, 3)                                                                                        \
+    MANY(double, position_sd_m, 3)                                                                                     \
+    MANY(double, axis, 3)                                                                                              \
+    ONE(double, axis_sd_rad)                                                                                           \
+    ONE(double, remanence_t)                                                                                           \
+    ONE(double, remanence_sd_t)
+
+FMFTS_STRUCT(fmfts_told_pose, FMFTS_TOLD_POSE)
 
 /* One of several fingers in a message. outputs: 5; 3 without shear. */
 typedef struct {
@@ -128,7 +142,7 @@ typedef struct {
     bool tells_force, tells_place, tells_force_min, tells_displacement, tells_pose;
     fmfts_estimate estimate; /* place, force and shear, with deviations but for that of the force */
     double force_n, force_sd_n;
-    double displacement_m, displacement_sd_m;
+    FMFTS_TOLD_NUMBERS(FMFTS_TOLD_NUMBER)
     fmfts_told_pose pose;
     double ambient_t[3], ambient_sd_t[3]; /* NaN: not measured */
     double residual_t, chi2;

@@ -5,7 +5,11 @@
 
 #include "frame.h"
 
-enum { MESSAGE_FIELDS = 30, OF_SEVERAL = 3, NOW_FIELDS = 21, SLIP_FIELDS = 10, POSE_FIELDS = 10, FINGER_FIELDS = 11, FORCE = 2 };
+#define PLUS_ONE(...) +1 /* counts what frame.h lists */
+enum {
+    MESSAGE_FIELDS = 27 FMFTS_TOLD_NUMBERS(PLUS_ONE), OF_SEVERAL = 3, NOW_FIELDS = 21, SLIP_FIELDS = 10,
+    POSE_FIELDS = 4 FMFTS_TOLD_POSE(PLUS_ONE, PLUS_ONE), FINGER_FIELDS = 11, FORCE = 2,
+};
 
 /* msgpack's first byte of each type that a message has. */
 enum {
@@ -135,7 +139,6 @@ static void put_vector(fmfts_packer *p, const char *name, const double vector[3]
 
 static void put_contact(fmfts_packer *p, const fmfts_reading *r)
 {
-    const double *force_min_n = r->tells_force_min ? &r->estimate.force_min_n : NULL;
     put_name(p, "contact");
     put_typed(p, r->contact == FMFTS_NOT_KNOWN ? NIL : r->contact == FMFTS_IN_CONTACT ? TRUE : FALSE, 0, 0);
     for (int i = 0; i < FMFTS_CONTACT; i++) {
@@ -146,9 +149,8 @@ static void put_contact(fmfts_packer *p, const fmfts_reading *r)
         put_number(p, OUTPUT[i][1], told ? deviation : NULL);
     }
     put_flag(p, "over_range", r->over_range);
-    put_number(p, "force_min_n", force_min_n);
-    put_number(p, "displacement_m", r->tells_displacement ? &r->displacement_m : NULL);
-    put_number(p, "displacement_sd_m", r->tells_displacement ? &r->displacement_sd_m : NULL);
+#define PUT(flag, name) put_number(p, #name, r->flag ? &r->name : NULL);
+    FMFTS_TOLD_NUMBERS(PUT)
 }
 
 /* t_ns: the time for which it holds. Without a touch only the force is valid. */
@@ -220,12 +222,9 @@ static void put_magnet(fmfts_packer *p, const fmfts_reading *r, const fmfts_told
 {
     bool has_ambient = !isnan(r->ambient_t[0]);
     put_typed(p, FIXED_MAP | POSE_FIELDS, 0, 0);
-    put_vector(p, "position_m", pose->position_m);
-    put_vector(p, "position_sd_m", pose->position_sd_m);
-    put_vector(p, "axis", pose->axis);
-    put_number(p, "axis_sd_rad", &pose->axis_sd_rad);
-    put_number(p, "remanence_t", &pose->remanence_t);
-    put_number(p, "remanence_sd_t", &pose->remanence_sd_t);
+#define PUT_ONE(type, name) put_number(p, #name, &pose->name);
+#define PUT_MANY(type, name, count) put_vector(p, #name, pose->name);
+    FMFTS_TOLD_POSE(PUT_ONE, PUT_MANY)
     put_vector(p, "ambient_t", has_ambient ? r->ambient_t : NULL);
     put_vector(p, "ambient_sd_t", has_ambient ? r->ambient_sd_t : NULL);
     put_number(p, "residual_t", &r->residual_t);

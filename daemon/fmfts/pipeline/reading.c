@@ -98,9 +98,7 @@ static void read_contact(const fmfts_pad *pad, const fmfts_frame_work *work, fmf
     reading->tells_force = !touching || reading->tells_place;
     reading->force_n = touching ? estimate->place[2] : 0.0;
     reading->force_sd_n = fmfts_force_sd_n(&pad->parameters->message, estimate, &work->memory->contact);
-    if (estimate->refused) {
-        reading->estimate.force_min_n = 0.0;
-    }
+    reading->force_min_n = estimate->refused ? 0.0 : estimate->force_min_n;
 }
 
 /* Of a pad without a contact model: touch and displacement, no place and no force. */
