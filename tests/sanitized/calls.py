@@ -68,16 +68,28 @@ def missing(parts: tuple[Any, ...], frame: tuple[Any, ...]) -> dict[int, str]:
 def told_of_several(
     parts: tuple[Any, ...],
     frame: tuple[Any, ...],
-    follow: tuple[Any, ...],
-    early: tuple[Any, ...],
     told: tuple[Any, ...],
-) -> bytes | None:
-    """A frame of several magnets, that Python judged, and a sample before the next frame."""
+) -> bytes:
+    """A frame of several magnets, that Python judged."""
     pad = _pad.Pad(*parts)
     pad.align(*frame)
-    pad.follow(*follow)
-    pad.tell(*told)
-    return pad.follow_early(follow[0], *early)
+    return pad.tell(*told)
+
+
+def calm(
+    parts: tuple[Any, ...],
+    bound: tuple[Any, ...],
+    frame: tuple[Any, ...],
+    calls: tuple[tuple[Any, ...], tuple[Any, ...]],
+    early: tuple[Any, ...],
+) -> tuple[Any, ...]:
+    """A frame of several magnets, that C judged, a finger that is followed, and a sample before the next frame."""
+    pad = _pad.Pad(*parts)
+    pad.bind(*bound)
+    pad.align(*frame)
+    judged, follow = calls
+    told = pad.calm(*judged)
+    return *told, pad.follow(*follow), pad.follow_early(bound[-2], *early)
 
 
 @ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
@@ -96,7 +108,7 @@ def lent(
     return loop.take(descriptor, line, arrival_ns), pad.last_ns(), loop.end(descriptor), pad.end(), pad.last
 
 
-for function in (judged, followed, absent, missing, lent, told_of_several):
+for function in (judged, followed, absent, missing, lent, told_of_several, calm):
     setattr(PADS, function.__name__, function)
 
 MODULES: dict[str, ModuleType] = {
@@ -398,19 +410,23 @@ def _followed(_: np.random.Generator) -> None:
                 noted[name] = kept(arguments)
                 return getattr(compiled, name)(*arguments)
 
-            return noting if name in ("align", "follow", "tell", "follow_early") else getattr(compiled, name)
+            return noting if callable(getattr(compiled, name)) else getattr(compiled, name)
 
-    made.compiled = Noted()  # type: ignore[assignment]
+    assert pipeline._calm is not None
+    assert pipeline._followed is not None
+    made.compiled = pipeline._calm._compiled = pipeline._followed._compiled = Noted()  # type: ignore[assignment]
     words = tuple(Words(1, "pad", "boot", "model", None, "", "", "", ((), "")))
-    for count in (20, 90):  # untouched, and a finger
+    for count in (20, 88):  # untouched, and a finger
         for frame in frames(count, tapping):
+            buffers = tuple(bytearray(part.buffer.tobytes()) for part in (made.parameters, made.memory))
+            bound = kept(pipeline._calm.bound)
             pipeline.answer(frame)
         pipeline.early(EarlySample(frame.pad_index, 1, frame.device_time_us + 2000, frame.gain_code, (100, -200, 50)))
-        parts = made.parameters, made.memory
-        buffers = tuple(bytearray(part.buffer.tobytes()) for part in parts)
         pad = *buffers, None, None, words, bytearray(made._unseen.tobytes()), ()
         early = noted.get("follow_early", (b"", 1, 0, 100, -200, 50, 10))
-        PADS.told_of_several(pad, noted["align"], noted["follow"], early[1:], noted["tell"])
+        if count == 88:  # the first of these writes to the pad's memory
+            PADS.calm(pad, bound, noted["align"], (noted["calm"], noted["follow"]), early[1:])
+            PADS.told_of_several(pad, noted["align"], noted["tell"])
 
 
 def _neighbours(_: np.random.Generator) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from fmfts.pipeline.configured import contact_model_of, pipeline_of
 from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.sensor import Frame
 from fmfts.several.estimator import FingersEstimator
+from fmfts.several.trust import SETTLED_FRAMES
 from fmfts_lab.finite_elements.array_pad import array_config
 from fmfts_recording.replay import essence
 from fmfts_simulation.array import SimulatedArray
@@ -25,6 +27,11 @@ CONFIG = array_config(seed=8)
 COUNT, WHOLE = 150, 100  # frames; of the later ones, sensor 5 is silent
 THIRD = Touch(0.0, 9e-3, 0.3)  # which two fingers explain in some frames
 LEFT, RIGHT = steady_finger(-6e-3, -1e-3, 0.8), steady_finger(7e-3, 3e-3, 0.7)
+
+
+def tapping(time_s: float) -> Touch:
+    """Five times a second; its first force is in the newest samples before it is at a frame's instant."""
+    return Touch(2e-3, -3e-3, max(0.0, 1.5 * math.sin(2.0 * math.pi * 5.0 * time_s)))
 
 
 class WithThird(FieldOfFingers):
@@ -50,20 +57,20 @@ def told(some: list[Frame], monkeypatch: pytest.MonkeyPatch, is_closer: bool) ->
     made.use(simulated_baseline(CONFIG))
     estimator = made._estimator
     assert isinstance(estimator, FingersEstimator)
-    as_before = estimator._as_before
+    goes_on = estimator.goes_on
 
     def counted(*given):  # type: ignore[no-untyped-def]
         nonlocal ordinary
         ordinary += 1
-        return as_before(*given)
+        goes_on(*given)
 
-    monkeypatch.setattr(estimator, "_as_before", counted)
+    monkeypatch.setattr(estimator, "goes_on", counted)
     if is_closer:
-        estimator._ordinary._given[3][:3] = -1.0  # no frame has so small a χ²
+        estimator.calm_limits[:3] = -1.0  # no frame has so small a χ²
     return [made.process(one) for one in some], ordinary
 
 
-@pytest.mark.parametrize(("finger", "second"), [(no_finger, None), (LEFT, None), (LEFT, RIGHT)])
+@pytest.mark.parametrize(("finger", "second"), [(no_finger, None), (LEFT, None), (LEFT, RIGHT), (tapping, None)])
 def test_closer_look_says_the_same(monkeypatch: pytest.MonkeyPatch, finger: Finger, second: Finger | None) -> None:
     some = frames(finger, second)
     said, ordinary = told(some, monkeypatch, is_closer=False)
@@ -82,3 +89,14 @@ def test_closer_look_says_the_same_of_a_third_finger(monkeypatch: pytest.MonkeyP
     assert 0 < ordinary < COUNT
     assert [essence(message) for message in said] == [essence(message) for message in closer]
     assert sum(message.more is True for message in said) >= 10
+
+
+def test_fingers_that_are_not_settled_are_no_calm_frame() -> None:
+    """They are degraded for a while, though the fingers of the last frame explain them."""
+    made, some = pipeline_of(CONFIG, contact_model_of(CONFIG), "boot"), frames(LEFT, None)
+    assert isinstance(made, SeveralPipeline)
+    made.use(simulated_baseline(CONFIG))
+    assert [made.process(one).health for one in some[:40]][-20:] == ["ok"] * 20
+    assert isinstance(made._estimator, FingersEstimator)
+    made._estimator.memory.unsettled = SETTLED_FRAMES
+    assert [made.process(one).health for one in some[40:60]] == ["degraded"] * SETTLED_FRAMES + ["ok"] * 10

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "../pose/push.h"
-#include "fingers.h"
 #include "steps.h"
 
 enum { ARRAYS = 16 };
@@ -103,6 +102,16 @@ typedef struct {
     double displacement_m, displacement_sd_m;
 } judged;
 
+bool fmfts_fits_mounted(const fmfts_mounted_parameters *mounted, double magnets)
+{
+    if (mounted->magnets != magnets || !(magnets >= 0.0 && magnets <= FMFTS_TOLD_MAGNETS) ||
+        !(mounted->causes >= 0.0 && mounted->causes <= FMFTS_TOLD_CAUSES)) {
+        PyErr_SetString(PyExc_ValueError, "parameters of a pad with other magnets, or with more causes of errors than there is room for");
+        return false;
+    }
+    return true;
+}
+
 /* Fills the reading from what Python has judged. */
 static bool take_judged(fmfts_pad_object *self, arrays *given, const judged *j)
 {
@@ -113,11 +122,7 @@ static bool take_judged(fmfts_pad_object *self, arrays *given, const judged *j)
     fmfts_fingers_found fingers;
     fmfts_magnets_found magnets = {.used = used};
     int over_range = 0;
-    if (!mounted || !used || !(mounted->magnets >= 0.0 && mounted->magnets <= FMFTS_TOLD_MAGNETS) ||
-        !(mounted->causes >= 0.0 && mounted->causes <= FMFTS_TOLD_CAUSES)) {
-        if (!PyErr_Occurred()) {
-            PyErr_SetString(PyExc_ValueError, "a pad with more magnets, or causes of errors, than there is room for");
-        }
+    if (!mounted || !used || !fmfts_fits_mounted(mounted, mounted->magnets)) {
         return false;
     }
     reading->contact = j->contact < 0 ? FMFTS_NOT_KNOWN : j->contact ? FMFTS_IN_CONTACT : FMFTS_NO_CONTACT;
@@ -218,6 +223,8 @@ PyObject *fmfts_pad_align(PyObject *object, PyObject *args)
             fmfts_align(&work.step, &frame);
             fmfts_date(&frame, &work);
             self->reading.missing = work.step.missing;
+            self->aligned = *field;
+            self->valid = frame.valid;
             self->fresh = frame.fresh & frame.valid;
             memcpy(b[FIELD].buf, field->field_t, bytes);
             memcpy(b[SHARE].buf, field->noise_share, bytes / 3);
@@ -231,21 +238,6 @@ PyObject *fmfts_pad_align(PyObject *object, PyObject *args)
     }
     give_back(&given);
     return result;
-}
-
-PyObject *fmfts_pad_follow(PyObject *object, PyObject *memory)
-{
-    fmfts_pad_object *self = (fmfts_pad_object *)object;
-    arrays given = {.fits = true};
-    fmfts_followed_memory *followed =
-        fmfts_still_fits(self) ? next_of(&given, memory, PyBUF_WRITABLE, sizeof *followed, "memory") : NULL;
-    if (followed) {
-        const fmfts_pose_memory *last = &self->memory->pose;
-        const fmfts_finger_frame frame = {last->sequence, last->frame_us, self->fresh, last->field_t, last->time_us};
-        fmfts_follow_finger(self->pad.parameters, followed, &frame, &self->reading.now);
-    }
-    give_back(&given);
-    return followed ? PyBool_FromLong(self->reading.now.known) : NULL;
 }
 
 /* Whether a sample is new, and certainly another than that sensor's in the last frame, but no farther than a finger changes it. */

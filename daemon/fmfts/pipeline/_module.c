@@ -1,11 +1,10 @@
 /* The module fmfts.pipeline._pad: its types, and the fields of the structs that Python fills. */
 #include "_pad.h"
 
-#include "fingers.h"
-
 static const fmfts_field_name PARAMETERS[] = FMFTS_NAMES(FMFTS_PARAMETERS);
 static const fmfts_field_name MEMORY[] = FMFTS_NAMES(FMFTS_MEMORY);
 static const fmfts_field_name FOLLOWED[] = FMFTS_NAMES(FMFTS_FOLLOWED_MEMORY);
+static const fmfts_field_name CALM[] = FMFTS_NAMES(FMFTS_CALM_ROOM);
 static const fmfts_field_name MOUNTED[] = FMFTS_NAMES(FMFTS_MOUNTED_PARAMETERS);
 
 /* Fields and inner structs have no padding: one flat NumPy record describes them. */
@@ -35,6 +34,7 @@ static int set_up(PyObject *module)
     return !loop_type || fmfts_add_fields(module, "PARAMETERS", PARAMETERS, COUNT(PARAMETERS)) < 0 ||
                    fmfts_add_fields(module, "MEMORY", MEMORY, COUNT(MEMORY)) < 0 ||
                    fmfts_add_fields(module, "FOLLOWED", FOLLOWED, COUNT(FOLLOWED)) < 0 ||
+                   fmfts_add_fields(module, "CALM", CALM, COUNT(CALM)) < 0 ||
                    fmfts_add_fields(module, "MOUNTED", MOUNTED, COUNT(MOUNTED)) < 0 ||
                    PyModule_AddIntConstant(module, "FELT", FMFTS_FELT) < 0 ||
                    PyModule_AddIntConstant(module, "STATE", FMFTS_STATE) < 0 ||

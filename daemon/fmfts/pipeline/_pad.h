@@ -5,16 +5,17 @@
 #include "../contact/_evaluated.h" /* with Python.h first: it chooses what the system's headers declare */
 
 #include "../sensor/wire/clock.h"
-#include "frame.h"
+#include "fingers.h"
 
 enum {
     FMFTS_CHANGES = 8,   /* number of changes that may wait for Python */
     FMFTS_TALLIED = 256, /* the most frames before Python must look */
+    FMFTS_CALM_BUFFERS = 9, /* of Pad.bind */
 };
 
 /* Python's objects, held as long as the pad. */
 typedef struct {
-    Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT], hand, errors;
+    Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT], hand, errors, calm[FMFTS_CALM_BUFFERS];
     fmfts_model_given model;
     PyObject *words;
     int neighbours;
@@ -55,7 +56,11 @@ typedef struct {
     size_t message_bytes;
     fmfts_given given;
     fmfts_lent lent;
-    unsigned fresh;          /* of several magnets: the sensors of which the last frame has a new sample */
+    /* Of several magnets: the last frame's samples at one instant, of which sensors it has one, and a new one; what `bind` gave. */
+    fmfts_field aligned;
+    unsigned valid, fresh;
+    fmfts_calm calm;
+    bool is_bound;
     bool is_lent, is_unsent; /* is_unsent: the message is one of the bus's unsent ones */
 } fmfts_pad_object;
 
@@ -97,10 +102,15 @@ PyObject *fmfts_written(fmfts_pad_object *self);
 /* _pad.c: 0 and ValueError if the frame is not this pad's. */
 int fmfts_is_of(const fmfts_pad_object *self, const fmfts_frame *frame, Py_ssize_t readings_bytes);
 
-/* _fingers.c: methods of a Pad with several magnets. */
+/* _fingers.c: whether such parameters are of so many magnets, and have room. False and ValueError if not. */
+bool fmfts_fits_mounted(const fmfts_mounted_parameters *mounted, double magnets);
+
+/* _calm.c, _fingers.c: methods of a Pad with several magnets. */
+PyObject *fmfts_pad_bind(PyObject *self, PyObject *args);
+PyObject *fmfts_pad_calm(PyObject *self, PyObject *args);
 PyObject *fmfts_pad_align(PyObject *self, PyObject *args);
 PyObject *fmfts_pad_tell(PyObject *self, PyObject *args);
-PyObject *fmfts_pad_follow(PyObject *self, PyObject *memory);
+PyObject *fmfts_pad_follow(PyObject *self, PyObject *args);
 PyObject *fmfts_pad_follow_early(PyObject *self, PyObject *args);
 
 /* _pad.c: judges a frame, and writes its message. False if a number of it is not finite, or with an exception that the contact

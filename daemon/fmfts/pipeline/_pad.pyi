@@ -15,6 +15,7 @@ Field = tuple[str, str, int]  # name, type as NumPy names it, and how many; 0: o
 PARAMETERS: list[Field]  # of fmfts_parameters
 MEMORY: list[Field]  # of fmfts_memory
 FOLLOWED: list[Field]  # of fmfts_followed_memory
+CALM: list[Field]  # of fmfts_calm_room
 MOUNTED: list[Field]  # of fmfts_mounted_parameters
 FELT: int  # magnets of neighbouring pads, at most
 STATE: int  # numbers of a state, and of a step
@@ -158,9 +159,45 @@ class Pad:
         Returns time_us, is_old, began_anew and leap_us of Aligned, and whether every axis has a field.
         """
 
-    def follow(self, memory: Buffer, /) -> bool:
-        """Follow the finger of the aligned frame: finger.h. Whether the next message has a `now`. memory: of
-        FOLLOWED."""
+    def bind(
+        self,
+        model: Numbers,
+        search: Numbers,
+        work: Numbers,
+        limits: Numbers,
+        rest: Numbers,
+        untouched: Numbers,
+        mounted: Buffer,
+        followed: Buffer,
+        room: Buffer,
+        /,
+    ) -> None:
+        """Take what `calm` and `follow` need, and hold it: of FieldModel and Fitter, and FingersEstimator's calm_limits
+        and rest_samples; of the magnets at rest their positions, axes and variances, and by how much each sample must
+        change until a finger is looked for in it; records of MOUNTED, FOLLOWED and CALM."""
+
+    def calm(
+        self,
+        count: int,
+        places: Numbers,
+        ids: Numbers,
+        around_t: Numbers,
+        recent_t: Numbers,
+        factors: Numbers,
+        temperature_c: float,
+        /,
+    ) -> tuple[bytes, bool] | tuple[bool, bool, float, int]:
+        """The message of the aligned frame, if the last one's fingers explain it, and whether it has a `now`. count,
+        places, ids: of CounterMemory; around_t, recent_t (written), factors: of since_rest.py.
+
+        Else what Python needs for a closer look: whether the field jumped; whether the record of CALM has a fit; its χ²
+        and flags.
+        """
+
+    def follow(self, places: bool, time_us: int, moment: float, found: tuple[Numbers, ...], /) -> bool:
+        """Whether the aligned frame's message has a `now`. found: fingers, covariance, change_t, noise_t, misfit_t,
+        slope_t and ambient_t of the Fit of one finger, in a sample of time_us; (): nothing presses. places: the frame
+        itself has the finger."""
 
     def follow_early(
         self, memory: Buffer, sensor: int, gain_code: int, x: int, y: int, z: int, time_us: int, /

@@ -12,6 +12,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../arithmetic/descent.h"
 #include "../pose/model.h"
 #include "steps.h"
 
@@ -22,6 +23,33 @@ static const double UNIT[NUMBERS] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay
 /* A new finger is followed from the previous frame on, in which its force was 0, if at most this much time lies
  * between. */
 #define LONGEST_SINCE_UNTOUCHED_US 2e4
+
+#define LONGEST_AHEAD_S 0.01
+#define LIGHT_N 0.2 /* under a lighter finger less is known of what is wrong in proportion to the force */
+
+bool fmfts_put_finger(const fmfts_fitter *fitter, fmfts_ahead *from, const double *covariance, int64_t time_us,
+                      const fmfts_several_steps *steps, fmfts_followed_memory *memory)
+{
+    fmfts_finger_memory *finger = &memory->finger;
+    const fmfts_motion_memory *motion = &memory->motion;
+    const bool is_followed = motion->motion_us > 0.0;
+    double there[NUMBERS];
+    memcpy(there, is_followed ? motion->motion_state : from->finger, sizeof there);
+    if (is_followed) {
+        double ahead_s = fmfts_within(((double)time_us - motion->motion_us) * 1e-6, 0.0, LONGEST_AHEAD_S);
+        there[FORCE] = fmax(there[FORCE] + ahead_s * motion->motion_state[FMFTS_RATE + FORCE], 0.0); /* its place's rates are poorly known */
+    }
+    if (!fmfts_finite(NUMBERS, there)) {
+        return false;
+    }
+    from->there = is_followed ? there : NULL;
+    from->light_n = LIGHT_N;
+    memcpy(finger->finger, there, sizeof there);
+    memcpy(finger->finger_covariance, covariance, sizeof finger->finger_covariance);
+    steps->look_ahead(fitter->model, from, fitter->work, finger->ahead_t, finger->by_finger);
+    from->there = NULL;
+    return true;
+}
 
 static void look_at_finger(const fmfts_driven *driven, int sensor, const double *x, double ahead[3], double slope[3][KNOWN])
 {

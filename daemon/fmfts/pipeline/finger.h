@@ -2,6 +2,7 @@
 #ifndef FMFTS_FINGER_H
 #define FMFTS_FINGER_H
 
+#include "../several/ordinary.h"
 #include "frame.h"
 
 enum { FMFTS_FINGER_NUMBERS = 3 }; /* x and y in mm, force in N */
@@ -42,6 +43,12 @@ typedef struct {
     const double *field_t;
     const int64_t *sampled_us;
 } fmfts_finger_frame;
+
+/* finger.c: the finger to follow is the one that a fit found in a frame, or a sample, of this time. The field is linear where the
+ * newest samples should find it: at a tap it has moved on since the frame's instant. from: all but `there` and light_n. False where
+ * that is no finite place. */
+bool fmfts_put_finger(const fmfts_fitter *fitter, fmfts_ahead *from, const double *covariance, int64_t time_us,
+                      const fmfts_several_steps *steps, fmfts_followed_memory *memory);
 
 /* finger.c: takes the samples of a frame that was judged: memory->finger holds its result, except for taken_us. `now`
  * is unknown if the samples contradict the prediction, or if it is unknown what presses. */

@@ -22,19 +22,16 @@ from fmfts.pose import AMBIENT, Aligned
 from fmfts.pose.gates import FALSE_INNOVATION
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
-from fmfts.several import _several
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.fit import Fit, Measured
 from fmfts.several.reading import FingersReading
 
-NOT_KNOWN, PRESSING = -1.0, 1.0
+NOT_KNOWN = -1.0
 # A finger is looked for in the newest samples where one of them has changed by so much since the frame's instant.
 SURE_DEVIATIONS = 4.0
-LONGEST_AHEAD_S = 0.01
 # χ² of the change since the frame's instant must have grown by the first of these after a look that found nothing, and
 # by the second beside each of the last frames: mains change the samples as much in every frame, a finger begins to.
 GROWN, GROWN_OVER_FRAMES, LAST_FRAMES = 1.5, 2.0, 3
-LIGHT_N = 0.2
 # What the linear field, the table and the gains may be wrong by while a finger moves, as a share of the field's change.
 UNKNOWN_SHARE = 0.03
 
@@ -49,10 +46,10 @@ class FollowedMemory:
 class FollowedFinger:
     """For one pad with its baseline."""
 
-    def __init__(self, estimator: FingersEstimator, lead: Lead, parameters: Record) -> None:
-        """parameters: of C's pad, which are filled."""
+    def __init__(self, estimator: FingersEstimator, lead: Lead, parameters: Record, compiled: _pad.Pad) -> None:
+        """parameters: of C's pad, which are filled. compiled: this pad."""
         pad, mounting, scene = estimator.pad, estimator.mounting, estimator.scene
-        self._estimator, self._mounting = estimator, mounting
+        self._estimator, self._mounting, self._compiled = estimator, mounting, compiled
         self._sensors = len(pad.sensors)
         self._memory = Record(_pad.FOLLOWED)
         walk = np.zeros(_pad.STEP)
@@ -77,20 +74,12 @@ class FollowedFinger:
         )
 
         self._buffer = self._memory.buffer
-        self._linear = self._memory["ahead_t"][:values], self._memory["by_finger"][: 3 * values]
-        head = "pressing", "places", "instant_us", "motion_us"
-        self._pressing, self._places, self._instant_us, self._motion_us = (self._memory[name] for name in head)
-        self._finger, self._motion = self._memory["finger"].reshape(1, -1), self._memory["motion_state"]
-        self._covariance = self._memory["finger_covariance"].reshape(len(self._finger[0]), -1)
-        self._deviation = self._memory["finger_deviation"]
-        self._numbers = np.array([1.0, LIGHT_N])
-        self._rest_t = mounting.rest_field_t.ravel()
-        self._quiet = np.array([0.0, 0.0, estimator.quiet_force_sd_n])
         self._sure_t = SURE_DEVIATIONS * mounting.noise_t
         # χ² of the last look since the frame, and the largest of each of the last frames and since.
         self._looked_chi2, self._largest_chi2 = 0.0, [0.0] * (LAST_FRAMES + 1)
         # Of the last frame, in which nothing pressed: its change, its field (N, 3), and the newest samples (N, 3).
         self._last: tuple[Measured, Array, Array]
+        self._ahead: bool | None = None  # `now` of a finger that a look found; None: it found none
 
     @property
     def memory(self) -> FollowedMemory:
@@ -105,27 +94,44 @@ class FollowedFinger:
         """Nobody knows what presses."""
         self._memory.fill({"pressing": NOT_KNOWN, "untouched_us": 0.0, "motion_us": 0.0})
 
-    def after(
-        self, reading: FingersReading, aligned: Aligned, frame: Frame, newest_t: Array, compiled: _pad.Pad
-    ) -> bool:
-        """Whether `compiled` knows the contact when the message of a frame is published. newest_t (N, 3): its
+    @property
+    def buffer(self) -> memoryview:
+        """Of its memory, for C."""
+        return self._buffer
+
+    def rests(self, measured: Measured, aligned: Aligned, newest_t: Array) -> None:
+        """Nothing presses in the last frame, which has this change; newest_t (N, 3): its samples."""
+        self._last = measured, aligned.field_t, newest_t
+        self._looked_chi2, self._largest_chi2 = 0.0, [*self._largest_chi2[1:], 0.0]
+
+    def after(self, reading: FingersReading, aligned: Aligned, frame: Frame, newest_t: Array) -> bool:
+        """Whether C knows the contact when the message of a frame is published. newest_t (N, 3): its
         samples."""
         fit = reading.fit
-        if fit is None or reading.health != "ok" or reading.over_range or len(fit.fingers) > 1 or aligned.leap_us:
+        measured = reading.measured
+        if (
+            fit is None
+            or measured is None
+            or reading.health != "ok"
+            or reading.over_range
+            or len(fit.fingers) > 1
+            or aligned.leap_us
+        ):
             self.forget()
             return False
-        self._pressing[()] = self._places[()] = pressed = len(fit.fingers)
-        self._instant_us[()] = aligned.time_us
-        if pressed:
-            self._put(reading.measured, fit, frame.device_time_us)
-        else:
-            assert reading.measured is not None
-            self._deviation[:], self._last = self._quiet, (reading.measured, aligned.field_t, newest_t)
-            self._looked_chi2, self._largest_chi2 = 0.0, [*self._largest_chi2[1:], 0.0]
-            if (np.abs(newest_t - aligned.field_t) > self._sure_t).any():
-                self._looked_chi2 = self._newer_chi2()
-                self._look_ahead(frame.device_time_us)
-        return compiled.follow(self._buffer)
+        if len(fit.fingers):
+            return self._follow(True, measured, fit, frame.device_time_us)
+        self.rests(measured, aligned, newest_t)
+        self._ahead = None
+        if (np.abs(newest_t - aligned.field_t) > self._sure_t).any():
+            self._looked_chi2 = self._newer_chi2()
+            self._look_ahead(frame.device_time_us)
+        return self._compiled.follow(False, 0, 1.0, ()) if self._ahead is None else self._ahead
+
+    def _follow(self, places: bool, measured: Measured, fit: Fit, time_us: int) -> bool:
+        """places: the frame itself has the finger."""
+        found = fit.fingers, fit.covariance, measured.field_t, fit.noise_t, fit.misfit_t, fit.slope_t, fit.ambient_t
+        return self._compiled.follow(places, time_us, self._estimator.moment, found)
 
     def _newer_chi2(self) -> float:
         """Of the change from the frame's instant to the newest samples."""
@@ -148,33 +154,16 @@ class FollowedFinger:
         change_t = measured.field_t + (newer_t / (mounting.gain * self._estimator.moment)).ravel()
         newest = replace(measured, field_t=change_t, variance_t2=square(mounting.noise_t / mounting.gain).ravel())
         found = self._estimator.appears(newest)
-        if found is not None:
-            self._pressing[()] = PRESSING
-            self._put(newest, found, time_us)
+        self._ahead = None if found is None else self._follow(False, newest, found, time_us)
 
-    def _put(self, measured: Measured | None, fit: Fit, time_us: int) -> None:
-        """The field is linear at the finger where the newest samples should find it: at a tap it has moved on since the
-        frame's instant."""
-        assert measured is not None
-        there, model, began_us = fit.fingers, self._estimator.fitter.model, self._motion_us.item()
-        if began_us > 0.0:
-            ahead_s = min(max((time_us - began_us) * 1e-6, 0.0), LONGEST_AHEAD_S)
-            there = self._motion[:3].copy()  # the rates of its place are poorly known
-            there[2] = max(there[2] + ahead_s * self._motion[7], 0.0)
-        self._numbers[0] = self._estimator.moment
-        self._finger[:], self._covariance[:] = there, fit.covariance
-        found = fit.fingers, measured.field_t, fit.noise_t, fit.misfit_t, fit.slope_t, fit.ambient_t
-        _several.ahead(model.packed, model.work, *found, self._rest_t, there, self._numbers, *self._linear)
-
-    def early(self, early: EarlySample, compiled: _pad.Pad) -> bytes | None:
+    def early(self, early: EarlySample) -> bytes | None:
         """The last message with what a sample says that came before its frame; None where it says nothing new."""
         sample = self._buffer, early.sensor, early.gain_code, *early.counts, early.device_time_us
-        payload = compiled.follow_early(*sample)
+        payload = self._compiled.follow_early(*sample)
         if payload is True:
             self._last[2][early.sensor] = early.field_t
             if not self._may_press():
                 return None
             self._look_ahead(early.device_time_us)
-            is_followed = self._pressing > 0.0 and compiled.follow(self._buffer)  # from the last frame on
-            payload = compiled.follow_early(*sample) if is_followed else None
+            payload = self._compiled.follow_early(*sample) if self._ahead else None  # from the last frame on
         return None if payload is True else payload

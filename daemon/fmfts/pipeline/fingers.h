@@ -43,6 +43,37 @@ typedef struct {
     double chi2;
 } fmfts_magnets_found;
 
+/* What C finds of a frame, for Python where the frame needs a closer look: as Measured and Fit have it. */
+#define FMFTS_CALM_ROOM(ONE, MANY)                                                                                     \
+    MANY(double, change_t, FMFTS_AXES)                                                                                 \
+    MANY(double, variance_t2, FMFTS_AXES)                                                                              \
+    MANY(uint8_t, there, FMFTS_AXES)                                                                                   \
+    MANY(double, fingers, FMFTS_FINGER_NUMBERS * FMFTS_TOLD_FINGERS)                                                   \
+    MANY(double, covariance, FMFTS_FINGER_NUMBERS * FMFTS_TOLD_FINGERS * FMFTS_FINGER_NUMBERS * FMFTS_TOLD_FINGERS)    \
+    MANY(double, misfit_t, FMFTS_AXES)                                                                                 \
+    MANY(double, ambient_t, 3)                                                                                         \
+    MANY(double, shear_n, 2 * FMFTS_TOLD_FINGERS)                                                                      \
+    MANY(double, shear_deviation_n, 2 * FMFTS_TOLD_FINGERS)                                                            \
+    MANY(double, noise_t, FMFTS_AXES)                                                                                  \
+    MANY(double, slope_t, FMFTS_AXES * FMFTS_FINGER_NUMBERS * FMFTS_TOLD_FINGERS)                                      \
+    MANY(double, least, FMFTS_FINGER_NUMBERS * (1 + FMFTS_TOLD_FINGERS))
+
+FMFTS_STRUCT(fmfts_calm_room, FMFTS_CALM_ROOM)
+
+/* What a calm frame is judged with: views of Python's arrays. rest: of fmfts_samples_of. untouched: position, axis [magnets][3] and
+ * variance [magnets][5] of the magnets at rest, and by how much [values] a sample must change until a finger is looked for in it. */
+typedef struct {
+    const fmfts_several_steps *steps;
+    fmfts_several model;
+    fmfts_search search;
+    fmfts_several_work *work;
+    const fmfts_ordinary_limits *limits;
+    const double *rest, *untouched;
+    const fmfts_mounted_parameters *mounted;
+    fmfts_followed_memory *followed;
+    fmfts_calm_room *room;
+} fmfts_calm;
+
 /* fingers.c: the fields of a message without an estimate, of a pad with several magnets. `several`: where it has its own. */
 void fmfts_tell_nothing(fmfts_told_several *several, fmfts_reading *reading);
 

@@ -73,7 +73,7 @@ class SeveralFrames:
         allowed = np.full((len(self._pad.sensors), 3), np.inf) if estimator is None else estimator.repeats_allowed
         self.parameters.put("repeats_allowed", allowed)
         self.compiled = _pad.Pad(self.parameters.buffer, self.memory.buffer, None, None, words, self._unseen, ())
-        self._estimator, self._mounted = estimator, mounted_record(estimator).buffer
+        self._estimator, self.mounted = estimator, mounted_record(estimator).buffer
 
     def aligned(self, frame: Frame) -> tuple[Aligned, Array, bool]:
         """The samples at one instant, without the posture's field; the newest (N, 3), NaN where there are none; and
@@ -114,7 +114,7 @@ class SeveralFrames:
             reason,
             math.nan if temperature_c is None else temperature_c,
             has_now,
-            self._mounted,
+            self.mounted,
             reading.used,
             *told,
         )

@@ -8,9 +8,9 @@ Python judges its frames, and calls the compiled fit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from math import nan
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.array_response import ArrayResponse
 from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline import _pad
+from fmfts.pipeline.calm import CalmFrames
 from fmfts.pipeline.encoded import EncodedMessage
 from fmfts.pipeline.finger import FollowedFinger, FollowedMemory
 from fmfts.pipeline.first_memory import with_later
@@ -42,7 +43,7 @@ from fmfts.several.count import Search
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.poses_estimator import PosesEstimator
-from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading
+from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading, Seen
 from fmfts.several.sighted import rest_of
 from fmfts.several.since_rest import Warmth
 
@@ -89,6 +90,7 @@ class SeveralPipeline:
         self._baseline: Baseline | None = None
         self.missing: dict[int, str] = {}
         self._followed: FollowedFinger | None = None
+        self._calm: CalmFrames | None = None
         self._has_now = False  # the last message, and it is that of a frame
         self._scene, self._magnet_per_k = scene, magnet_per_k
         self._estimator: FingersEstimator | PosesEstimator | None = None
@@ -100,7 +102,8 @@ class SeveralPipeline:
         self._frames = SeveralFrames(pad, rate_hz, boot, model.hash, hand)
 
     def _use(self, estimator: FingersEstimator | PosesEstimator | None, baseline: Baseline | None) -> None:
-        self._estimator, self._baseline, self._has_now, self._followed = estimator, baseline, False, None
+        self._estimator, self._baseline, self._has_now = estimator, baseline, False
+        self._followed = self._calm = None
         self._frames.use(estimator, None if baseline is None else baseline.id)
 
     @property
@@ -158,7 +161,9 @@ class SeveralPipeline:
             fingers = FingersEstimator(FieldModel(self.pad, mounting, self.model.response, self._scene), *others)
             self._use(fingers, baseline)
             if self.hand is None:
-                self._followed = FollowedFinger(fingers, self._lead, self._frames.parameters)
+                compiled = self._frames.compiled
+                self._followed = FollowedFinger(fingers, self._lead, self._frames.parameters, compiled)
+                self._calm = CalmFrames(fingers, compiled, self._frames.mounted, self._followed.buffer)
             if isinstance(before, FingersEstimator):  # earlier fingers keep their ids
                 fingers.memory.counter.next_id = before.memory.counter.next_id
             self._at_first = deepcopy(fingers.memory)
@@ -207,49 +212,62 @@ class SeveralPipeline:
         reading: FingersReading | PosesReading
         if estimator is None:
             reading = FingersReading("no_baseline", self._why_none, frame.usable)
+        elif isinstance(estimator, FingersEstimator):
+            estimator.begin(aligned, frame.temperature_c)
+            told = self._calmly(estimator, aligned, frame, newest_t)
+            if isinstance(told, bytes):
+                return EncodedMessage.of(told, self._frames.compiled)
+            reading = estimator.look(told, self.missing, frame.may_search)
+            self._show(estimator.sighted(reading) if self._is_felt else None)
         else:
-            seen = [view.at(self._frames.sampled_ns) for view in self._neighbours]
-            reading, sighted = self._read(estimator, aligned, frame, seen)
-            self.search = reading.search
-            if self._is_felt and sighted is not None:
-                self._sighting.saw(*sighted, self._frames.sampled_ns)
+            reading = estimator.read(aligned, frame.temperature_c, self.missing, self._seen, frame.may_search)
+            if reading.tells and isinstance(self.model, NoContactModel):
+                reading = reading._replace(reason="; ".join(filter(None, (reading.reason, self.model.reason))))
+            self._show(estimator.sighted(reading) if self._is_felt else None)
+        self.search = reading.search
         self._has_now = (
             self._followed is not None
             and isinstance(reading, FingersReading)
             and not self._neighbours
-            and self._followed.after(reading, aligned, frame, newest_t, self._frames.compiled)
+            and self._followed.after(reading, aligned, frame, newest_t)
         )
         return self._frames.message(reading, frame.temperature_c, self._has_now)
+
+    @property
+    def _seen(self) -> list[NeighbourEstimate]:
+        """The magnets of other pads at the time of the last sample."""
+        return [view.at(self._frames.sampled_ns) for view in self._neighbours]
+
+    def _calmly(self, estimator: FingersEstimator, aligned: Aligned, frame: Frame, newest_t: Array) -> bytes | Seen:
+        """The message of a calm frame; or what is known of another one."""
+        calm, followed = self._calm, self._followed
+        if calm is None or followed is None or self._neighbours or not estimator.memory.is_calm:
+            return estimator.seen(aligned, self._seen)
+        told = calm.payload(nan if frame.temperature_c is None else frame.temperature_c)
+        if isinstance(told, bytes):
+            self._has_now = calm.has_now
+            if not estimator.memory.counter.count:
+                followed.rests(calm.measured, aligned, newest_t)
+            self._show(estimator.sighted(calm.reading) if self._is_felt else None)
+        return told
+
+    def _show(self, sighted: tuple[tuple[Neighbour, ...], Array] | None) -> None:
+        """For pads that measure this one's magnets."""
+        if sighted is not None:
+            self._sighting.saw(*sighted, self._frames.sampled_ns)
 
     def early(self, early: EarlySample) -> EncodedMessage | None:
         """The message of a sample that came before its frame: what the last frame said, with another `now`. None where
         it says nothing new."""
         if self._followed is None or not self._has_now or early.sensor >= len(self.pad.sensors):
             return None
-        payload = self._followed.early(early, self._frames.compiled)
+        payload = self._followed.early(early)
         return None if payload is None else EncodedMessage.of(payload, self._frames.compiled)
 
     def _forget_now(self) -> None:
         self._has_now = False
         if self._followed is not None:
             self._followed.forget()
-
-    def _read(
-        self,
-        estimator: FingersEstimator | PosesEstimator,
-        aligned: Aligned,
-        frame: Frame,
-        neighbours: Sequence[NeighbourEstimate],
-    ) -> tuple[FingersReading | PosesReading, tuple[tuple[Neighbour, ...], Array] | None]:
-        """The frame's reading, and the magnets for neighbours that measure them."""
-        what = aligned, frame.temperature_c, self.missing, neighbours, frame.may_search
-        if isinstance(estimator, FingersEstimator):
-            fingers = estimator.read(*what)
-            return fingers, estimator.sighted(fingers) if self._is_felt else None
-        poses = estimator.read(*what)
-        if poses.tells and isinstance(self.model, NoContactModel):
-            poses = poses._replace(reason="; ".join(filter(None, (poses.reason, self.model.reason))))
-        return poses, estimator.sighted(poses) if self._is_felt else None
 
     @property
     def memory(self) -> SeveralMemory:

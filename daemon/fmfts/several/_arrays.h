@@ -145,29 +145,8 @@ static inline PyObject *told(fmfts_refusal refusal, double number)
     return Py_BuildValue("znd", wrong[refusal.kind], (Py_ssize_t)refusal.size, number);
 }
 
-/* Arrays rest: gain, offset, noise, field and allowed repeats; factors: moment, creep and decay; field, bend, share, repeats. */
-static inline fmfts_rest_samples rest_samples(size_t values, const Py_buffer *b)
-{
-    const double *rest = b[0].buf, *factors = b[1].buf;
-    return (fmfts_rest_samples){
-        .gain = rest,
-        .offset_t = rest + values,
-        .noise_t = rest + 2 * values,
-        .rest_t = rest + 3 * values,
-        .allowed = rest + 4 * values,
-        .moment = factors[0],
-        .creep = factors[1],
-        .decay = factors[2],
-        .field_t = b[2].buf,
-        .bend_t = b[3].buf,
-        .noise_share = b[4].buf,
-        .repeats = b[5].buf,
-    };
-}
-
 /* _model.c */
 PyObject *fmfts_py_predict(PyObject *module, PyObject *args);
-PyObject *fmfts_py_ahead(PyObject *module, PyObject *args);
 PyObject *fmfts_py_covariance(PyObject *module, PyObject *args);
 PyObject *fmfts_py_resultant(PyObject *module, PyObject *args);
 
@@ -180,7 +159,6 @@ PyObject *fmfts_py_since_rest(PyObject *module, PyObject *args);
 
 /* _search.c */
 PyObject *fmfts_py_fit(PyObject *module, PyObject *args);
-PyObject *fmfts_py_ordinary(PyObject *module, PyObject *args);
 PyObject *fmfts_py_whitener(PyObject *module, PyObject *args);
 PyObject *fmfts_py_chi2_with(PyObject *module, PyObject *args);
 PyObject *fmfts_py_valley(PyObject *module, PyObject *args);

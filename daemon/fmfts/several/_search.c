@@ -1,8 +1,6 @@
 /* The search for fingers for Python: fit.py and scan.py call it, and make the arrays. */
 #include "_arrays.h"
 
-#include "ordinary.h"
-
 #include <string.h>
 
 static bool searches(const call *c, int which, size_t values, fmfts_search *search)
@@ -50,41 +48,6 @@ FMFTS_FUNCTION(fit)
     }
     fmfts_refusal refusal = fmfts_several_fit(&c.model, &search, fingers(&c, START), &measured, c.work, &found);
     return Py_BuildValue("Nin", told(refusal, found.chi2), found.flags, (Py_ssize_t)c.work->used);
-}
-
-/* ordinary(model, work, search, limits, rest, factors, field, bend, share, repeats, start, around, recent, change, variance, there,
- * the eight arrays of a fit, pose_change, position, axis, pose_variance, least): χ², Fit's flags, how many fingers a valley makes
- * uncertain, and what fmfts_ordinary has. */
-FMFTS_FUNCTION(ordinary)
-{
-    enum { SEARCH = FIRST, LIMITS, REST, FACTORS, FIELD, BEND, SHARE, REPEATS, START, AROUND, RECENT, CHANGE, VARIANCE, THERE, FIT,
-           POSE_CHANGE = FIT + FIT_ARRAYS, POSITION, AXIS, POSE_VARIANCE, LEAST, ALL };
-    _Static_assert((int)ALL <= (int)FMFTS_MOST_ARRAYS, "more arrays than one call takes");
-    call c = {.buffer = b};
-    fmfts_search search;
-    fmfts_ordinary found;
-    if (!take(&c, args, RECENT, ALL) || !understood(&c, START)) {
-        return NULL;
-    }
-    if (c.fingers > FMFTS_ORDINARY_FINGERS) {
-        return PyErr_Format(PyExc_ValueError, "%zu fingers, at most %d", c.fingers, FMFTS_ORDINARY_FINGERS);
-    }
-    const size_t values = c.model.values, poses = c.model.poses, places = 3 * c.model.magnets, least = FMFTS_FINGER * (1 + c.fingers);
-    if (!searches(&c, SEARCH, values, &search) || !has(&c, LIMITS, sizeof(fmfts_ordinary_limits)) ||
-        !have_doubles(&c, REST, (size_t[]){5 * values, 3, values, values, values / 3, values}, START - REST) || !has_doubles(&c, AROUND, 3) ||
-        !have_doubles(&c, RECENT, (size_t[]){values, values, values}, THERE - RECENT) || !has(&c, THERE, values) ||
-        !has_fit(&c, FIT, &found.fit) || !have_doubles(&c, POSE_CHANGE, (size_t[]){poses, places, places, poses, least}, ALL - POSE_CHANGE)) {
-        return NULL;
-    }
-    fmfts_rest_samples samples = rest_samples(values, &c.buffer[REST]);
-    const fmfts_rest_change change = {array(&c, RECENT), array(&c, CHANGE), array(&c, VARIANCE), c.buffer[THERE].buf};
-    const fmfts_fitter fitter = {&c.model, &search, c.work};
-    found.valley = (fmfts_valley_found){0, array(&c, LEAST)};
-    found.poses = (fmfts_poses){array(&c, POSE_CHANGE), array(&c, POSITION), array(&c, AXIS), array(&c, POSE_VARIANCE), NULL};
-    const fmfts_frame_before last = {fingers(&c, START), array(&c, AROUND)};
-    fmfts_read_ordinary(&fitter, c.buffer[LIMITS].buf, &last, &samples, &change, &found);
-    return Py_BuildValue("dinNNN", found.fit.chi2, found.fit.flags, (Py_ssize_t)found.valley.ways,
-                         PyBool_FromLong(found.has_jumped), PyBool_FromLong(found.has_fit), PyBool_FromLong(found.is_ordinary));
 }
 
 /* whitener(model, work, fingers, variance, foreign, used, ambient, root) */

@@ -1,16 +1,14 @@
 /* fmfts.several._several: the C of this room for Python, through the stable ABI. */
 #include "_arrays.h"
 
-#include "fit.h"
+#include "ordinary.h"
 
 static PyMethodDef methods[] = {
     FMFTS_METHOD(predict, "What fingers do to the field; see field_model.py."),
-    FMFTS_METHOD(ahead, "The linear field of a finger that is followed; see ahead.c."),
     FMFTS_METHOD(covariance, "How wrong that may be; see field_model.py."),
     FMFTS_METHOD(poses, "Where the magnets of a frame are; see poses.py."),
     FMFTS_METHOD(free_poses, "The same by the field alone; see free_poses.py."),
     FMFTS_METHOD(fit, "The most likely fingers; see fit.py."),
-    FMFTS_METHOD(ordinary, "A frame that the fingers of the last one explain; see ordinary.py."),
     FMFTS_METHOD(whitener, "The root of a covariance; see fit.py."),
     FMFTS_METHOD(chi2_with, "Chi-square under another covariance; see fit.py."),
     FMFTS_METHOD(valley, "What a valley of chi-square leaves of deviations; see valley.py."),
@@ -43,6 +41,15 @@ static int add_numbers(PyObject *module, const char *name, const part *parts, si
     return done;
 }
 
+static int add_steps(PyObject *module)
+{
+    static const fmfts_several_steps steps = {fmfts_view_several, fmfts_view_search, fmfts_read_ordinary, fmfts_look_ahead};
+    PyObject *capsule = PyCapsule_New((void *)&steps, FMFTS_SEVERAL_STEPS, NULL);
+    int done = capsule ? PyModule_AddObjectRef(module, "STEPS", capsule) : -1;
+    Py_XDECREF(capsule);
+    return done;
+}
+
 static int set_constants(PyObject *module)
 {
     static const fmfts_field_name head[] = FMFTS_NAMES(FMFTS_SEVERAL_HEAD), search[] = FMFTS_NAMES(FMFTS_SEARCH_HEAD);
@@ -54,7 +61,7 @@ static int set_constants(PyObject *module)
     return fmfts_add_fields(module, "HEAD", head, sizeof head / sizeof *head) ||
                    fmfts_add_fields(module, "SEARCH_HEAD", search, sizeof search / sizeof *search) ||
                    add_numbers(module, "MOST", most, sizeof most / sizeof *most) ||
-                   PyModule_AddIntConstant(module, "WORK_BYTES", (long)sizeof(fmfts_several_work)) ||
+                   add_steps(module) || PyModule_AddIntConstant(module, "WORK_BYTES", (long)sizeof(fmfts_several_work)) ||
                    PyModule_AddIntConstant(module, "LANES", FMFTS_LANES) ||
                    PyModule_AddIntConstant(module, "PANEL", FMFTS_PANEL)
                ? -1

@@ -19,7 +19,11 @@ FMFTS_FUNCTION(since_rest)
         (b[NOW].buf && !fmfts_has_doubles(&b[NOW], values, "now"))) {
         return NULL;
     }
-    fmfts_rest_samples samples = rest_samples(values, b);
+    fmfts_rest_samples samples = fmfts_samples_of(values, b[REST].buf, b[FACTORS].buf);
+    samples.field_t = b[FIELD].buf;
+    samples.bend_t = b[BEND].buf;
+    samples.noise_share = b[SHARE].buf;
+    samples.repeats = b[REPEATS].buf;
     samples.foreign_t = b[FOREIGN].buf;
     samples.now_t = b[NOW].buf;
     const fmfts_rest_change found = {b[RECENT].buf, b[CHANGE].buf, b[VARIANCE].buf, b[THERE].buf};

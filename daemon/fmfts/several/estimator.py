@@ -23,15 +23,14 @@ from fmfts.several.fit import BEYOND, UNDETERMINED, Fit, Fitter, Measured, limit
 from fmfts.several.free_poses import FreePoses, free_poses, is_explained
 from fmfts.several.hidden import hidden_variance
 from fmfts.several.odd_sensor import FEWEST_VALUES, UNEXPLAINED, Odd, is_odd, note_agreement, odd_sensor
-from fmfts.several.ordinary import Ordinary, OrdinaryReader
 from fmfts.several.poses import UNFELT, Poses, poses_of
-from fmfts.several.reading import FingersMemory, FingersReading
+from fmfts.several.reading import FingersMemory, FingersReading, Seen
 from fmfts.several.recovery import Recovery
 from fmfts.several.scan import Another
 from fmfts.several.sighted import sighted
 from fmfts.several.since_rest import CONSTANT, SinceRest, Warmth, begun
 from fmfts.several.trust import trusted
-from fmfts.several.valley import valley_variance
+from fmfts.several.valley import LIMITS, valley_variance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -67,12 +66,12 @@ class FingersEstimator:
         self._counter = FingerCounter(self.fitter, rate_hz)
         healthy = enumerate((UNEXPLAINED, EXPLAINED_WELL, SUSPICIOUS))  # with no finger, one, or two
         limits = [limit(share, mounting.gain.size, fingers) for fingers, share in healthy]
-        most_chi2 = np.minimum(limits, self._counter.searched_from)
-        self._ordinary = OrdinaryReader(self.fitter, self._since_rest, most_chi2)
+        # Of a calm frame, as ordinary.h has them.
+        self.calm_limits = np.array([*np.minimum(limits, self._counter.searched_from), *LIMITS, *UNFELT])
         self._cold = FingerCounter(self.fitter, rate_hz)
         untouched = Recovery(np.zeros(mounting.gain.size))
         self.memory = FingersMemory(untouched, last_c=warmth.rest_c, counter=self._counter.memory)
-        self._unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
+        self.unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
         self._poses: tuple[FingersReading, Poses] | None = None  # of the last requested reading
         self._values_for_poses = needed_values(len(pad.magnets))
         # Of a force of zero: the largest force that goes undetected at the least sensitive place.
@@ -88,8 +87,8 @@ class FingersEstimator:
         uncertainty, and from other causes (several/poses.py)."""
         fit = reading.fit
         if fit is None or reading.measured is None or not len(fit.fingers):
-            return self.mounting.magnets, self._unfelt_variance
-        poses = reading.poses or self._poses_of(reading, fit, reading.measured, False)
+            return self.mounting.magnets, self.unfelt_variance
+        poses = self._poses_of(reading, fit, reading.measured, False)
         return poses.magnets, poses.variance
 
     def recall(self, memory: FingersMemory) -> None:
@@ -115,6 +114,29 @@ class FingersEstimator:
             self._poses = reading, poses_of(self.fitter, fit, measured, self._since_rest.around_t, for_neighbours)
         return self._poses[1]
 
+    @property
+    def rest_samples(self) -> Array:
+        """What C needs of the mounting (since_rest.h)."""
+        return self._since_rest.rest
+
+    @property
+    def factors(self) -> Array:
+        """Of the last frame, as since_rest.h has them."""
+        return self._since_rest.factors
+
+    def begin(self, aligned: Aligned, temperature_c: float | None) -> None:
+        """Of each frame, before anything else."""
+        memory = self.memory
+        elapsed_s = begun(aligned, memory, self._longest_gap_s, self._counter.forget)
+        memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
+        self._since_rest.begin(temperature_c, memory, elapsed_s)
+
+    def goes_on(self, fingers: Array, ambient_t: Array) -> None:
+        """The same fingers press as in the last frame, which was calm."""
+        memory, ids = self.memory, self.memory.counter.known
+        memory.counter.put(fingers, ids, ids)
+        memory.counter.doubtful_frames, memory.ambient_t = 0, ambient_t
+
     def read(
         self,
         aligned: Aligned,
@@ -125,20 +147,18 @@ class FingersEstimator:
     ) -> FingersReading:
         """Judge one aligned frame. missing: what is wrong with sensors that cannot be used. neighbours: the magnets of
         other pads at the time of this frame. may_search: it may search for fingers, which takes long."""
-        memory = self.memory
-        elapsed_s = begun(aligned, memory, self._longest_gap_s, self._counter.forget)
-        memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
-        self._since_rest.begin(temperature_c, memory, elapsed_s)
-        fingers, fit = memory.counter.fingers, None
-        if memory.is_calm and aligned.foreign_t2 is None and not neighbours:
-            ordinary = self._ordinary.read(aligned, fingers, memory.recovery.recent_t)
-            measured, jumped = ordinary.measured, ordinary.has_jumped
-            if ordinary.is_ordinary:
-                return trusted(self._as_before(ordinary), memory, jumped)
-            fit = ordinary.fit if ordinary.has_fit else None
-        else:
-            now_t = self.fitter.model.predict(fingers).field_t if len(fingers) else None
-            measured, jumped = self._since_rest.measured(aligned, neighbours, memory, now_t)
+        self.begin(aligned, temperature_c)
+        return self.look(self.seen(aligned, neighbours), missing, may_search)
+
+    def seen(self, aligned: Aligned, neighbours: Sequence[NeighbourEstimate] = ()) -> Seen:
+        """What a frame says that C has not looked at, after `begin`."""
+        memory, fingers = self.memory, self.memory.counter.fingers
+        now_t = self.fitter.model.predict(fingers).field_t if len(fingers) else None
+        return Seen(*self._since_rest.measured(aligned, neighbours, memory, now_t))
+
+    def look(self, seen: Seen, missing: Mapping[int, str], may_search: bool) -> FingersReading:
+        """A closer look at a frame. The arguments are those of `read`."""
+        memory, (measured, jumped, fit) = self.memory, seen
         used = there = measured.used.reshape(-1, 3)
         if memory.left_out >= 0:
             used = there.copy()
@@ -152,16 +172,6 @@ class FingersEstimator:
             self._counter.forget()
             return FingersReading("lost", reasons.UNDETERMINED, used)
         return trusted(reading, memory, jumped)
-
-    def _as_before(self, ordinary: Ordinary) -> FingersReading:
-        """The same fingers press as in the last frame."""
-        memory, measured, fit, ids = self.memory, ordinary.measured, ordinary.fit, self.memory.counter.known
-        memory.counter.put(fit.fingers, ids, ids)
-        memory.counter.doubtful_frames, memory.ambient_t = 0, fit.ambient_t.copy()
-        used, least = measured.used.reshape(-1, 3), ordinary.least_variance if ordinary.ways else None
-        return FingersReading(
-            "ok", "", used, fit, tuple(ids), False, False, measured, least, "none", None, ordinary.poses
-        )
 
     def _judged(
         self,

@@ -33,4 +33,16 @@ typedef struct {
 void fmfts_read_ordinary(const fmfts_fitter *fitter, const fmfts_ordinary_limits *limits, const fmfts_frame_before *last,
                          fmfts_rest_samples *samples, const fmfts_rest_change *change, fmfts_ordinary *found);
 
+/* What pipeline/_calm.c calls of this module: its functions are compiled once, for vectors. */
+typedef struct {
+    bool (*view_model)(const double *packed, size_t count, fmfts_several *model);
+    bool (*view_search)(const double *packed, size_t count, size_t values, fmfts_search *search);
+    void (*read_ordinary)(const fmfts_fitter *fitter, const fmfts_ordinary_limits *limits, const fmfts_frame_before *last,
+                          fmfts_rest_samples *samples, const fmfts_rest_change *change, fmfts_ordinary *found);
+    void (*look_ahead)(const fmfts_several *model, const fmfts_ahead *from, fmfts_several_work *work, double *ahead_t,
+                       double *by_finger);
+} fmfts_several_steps;
+
+#define FMFTS_SEVERAL_STEPS "fmfts.several._several.STEPS" /* the capsule of them */
+
 #endif

@@ -14,10 +14,18 @@ from fmfts.several.count import CounterMemory, Search
 from fmfts.several.fit import Fit
 from fmfts.several.free_poses import FreePoses
 from fmfts.several.measured import Measured
-from fmfts.several.poses import Poses
 from fmfts.several.recovery import RestMemory
 
 Array = NDArray[np.float64]
+
+
+class Seen(NamedTuple):
+    """What is known of a frame before a closer look. has_jumped: as SinceRest.measured says. fit: of the fingers of the
+    last frame, where C has made it."""
+
+    measured: Measured
+    has_jumped: bool
+    fit: Fit | None = None
 
 
 @dataclass(slots=True, kw_only=True)
@@ -30,8 +38,8 @@ class FingersMemory(RestMemory):
 
     @property
     def is_calm(self) -> bool:
-        """Whether the last frame was explained by all sensors."""
-        return not (self.unexplained or self.more) and self.left_out < 0
+        """Whether the last frames were explained by all sensors."""
+        return not (self.unexplained or self.more or self.unsettled) and self.left_out < 0
 
 
 class FingersReading(NamedTuple):
@@ -39,8 +47,7 @@ class FingersReading(NamedTuple):
 
     more: two fingers do not explain the frame. measured: what `fit` was made from. least_variance (1 + K, 3): of the
     place (mm²) and force (N²) of the resultant and of each finger, where that is more than `fit` says. search: the
-    state of the search for fingers. free: poses that explain the frame if no fingers do. poses: of the fingers, where
-    they are known already.
+    state of the search for fingers. free: poses that explain the frame if no fingers do.
     """
 
     health: Health
@@ -54,7 +61,6 @@ class FingersReading(NamedTuple):
     least_variance: Array | None = None
     search: Search = "none"
     free: FreePoses | None = None
-    poses: Poses | None = None
 
     @property
     def tells(self) -> bool:

@@ -22,6 +22,21 @@ typedef struct {
     uint8_t *there;
 } fmfts_rest_change;
 
+/* rest: gain, offset, noise, field and allowed repeats, [values] each; factors: moment, creep and decay. */
+static inline fmfts_rest_samples fmfts_samples_of(size_t values, const double *rest, const double factors[3])
+{
+    return (fmfts_rest_samples){
+        .gain = rest,
+        .offset_t = rest + values,
+        .noise_t = rest + 2 * values,
+        .rest_t = rest + 3 * values,
+        .allowed = rest + 4 * values,
+        .moment = factors[0],
+        .creep = factors[1],
+        .decay = factors[2],
+    };
+}
+
 /* since_rest.c: whether the time of the last change of field is unknown for a sample of any axis. */
 bool fmfts_since_rest(size_t values, const fmfts_rest_samples *samples, const fmfts_rest_change *found);
 
