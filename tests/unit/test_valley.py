@@ -1,14 +1,16 @@
-"""Two fingers in a long valley of χ²: near the rim, fingers further out have about the same field."""
+"""Fingers in a long valley of χ²: near the rim, fingers further out have about the same field."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from fmfts.pad import Tolerance
 from fmfts.pipeline.several_frames import SeveralFrames
 from fmfts.several.count import resultant
 from fmfts_calibrate.resultant import deviation_of, deviation_of_each, resultant_deviation
 from fmfts_lab.bench.several_whole import SI
-from fmfts_lab.bench.several_world import BUILT, EXACT, Press, estimator_of, read_once, world
+from fmfts_lab.bench.several_world import BUILT, BY_HAND, EXACT, Press, any_press, estimator_of, read_once, world
 from fmfts_lab.finite_elements.array_model import DATA, read_presses
 
 # On the 49th of the pads that `bench several --above` builds: wrong by more than five deviations of the parabola.
@@ -66,6 +68,36 @@ def test_long_valley_is_followed_farther() -> None:
         before.append(float((off / fit.deviation).max()))
     assert max(before) > 6.0  # the parabola alone
     assert max(worst) < 5.0
+
+
+@pytest.mark.parametrize(("pad", "tolerance", "frame"), [(5056, BY_HAND, 23), (6021, EXACT, 22)])
+def test_one_finger_near_the_rim_counts_how_well_a_harder_one_would_be_known(
+    pad: int, tolerance: Tolerance, frame: int
+) -> None:
+    """Of 80,000 frames of `bench several --whole` these two were wrong: found too far inside and too weak, where a
+    finger is known better than where it is."""
+    one = world(pad, tolerance)
+    estimator = estimator_of(one)
+    for _ in range(frame + 1):
+        press = any_press(one.random)
+        reading = read_once(one, one.pressed([press]), estimator)
+    fit = reading.fit
+    assert reading.health == "ok"
+    assert fit is not None
+    assert len(fit.fingers) == 1
+    off = np.abs(fit.fingers[0] - press[:3])
+    assert float((off / fit.deviation[0]).max()) > 5.0  # by the covariance at the finger that is found
+    assert float((off / deviation_of_each(reading, fit)[0]).max()) < 4.7
+    np.testing.assert_allclose(deviation_of(reading, fit), deviation_of_each(reading, fit)[0], rtol=1e-12)
+
+
+def test_one_finger_that_is_well_known_keeps_its_deviations() -> None:
+    one = world(1, EXACT)
+    estimator = estimator_of(one)
+    for _ in range(10):
+        reading = read_once(one, one.pressed([Press(-3.0, 2.0, 1.0)]), estimator)
+        assert reading.fit is not None
+        np.testing.assert_array_equal(deviation_of_each(reading, reading.fit), reading.fit.deviation)
 
 
 def test_message_has_the_wider_deviations_of_each_finger() -> None:

@@ -232,6 +232,7 @@ class FingersEstimator:
         memory.unexplained = 0
         memory.ambient_t = fit.ambient_t.copy()
         health, reason = reasons.health_of_axes(used, missing, left_out)
+        alone = fit
         over_range, doubt = bool(fit.flags & BEYOND), reasons.SEARCH_IS_DUE if counted.search == "due" else ""
         if len(fit.fingers) == 1 and (another := self._another(fit, seen, EXPLAINED_WELL)) is not None:
             if fit.chi2 > fit.limit(DOUBTED) and float(another.gain.max()) > DOUBTED_GAIN:
@@ -240,7 +241,7 @@ class FingersEstimator:
             fit = replace(fit, covariance=fit.covariance + hidden)
         if doubt:
             health, reason = "degraded", "; ".join(filter(None, (reason, doubt)))
-        least = valley_variance(self.fitter, fit, seen, self._since_rest.around_t) if len(fit.fingers) > 1 else None
+        least = valley_variance(self.fitter, alone, seen, self._since_rest.around_t) if len(fit.fingers) else None
         return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least, search)
 
     def appears(self, measured: Measured) -> Fit | None:

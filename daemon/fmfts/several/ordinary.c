@@ -25,11 +25,12 @@ void fmfts_read_ordinary(const fmfts_fitter *fitter, const fmfts_ordinary_limits
     }
     const fmfts_fingers fingers = {before.count, found->fit.fingers};
     const fmfts_fitted fitted = {fingers, found->fit.covariance, found->fit.misfit_t, found->fit.chi2};
-    if (fingers.count > 1) {
-        refusal = fmfts_valley(fitter, &fitted, &measured, &limits->valley, &found->valley);    /* valley.c */
-    }
-    if (fingers.count && refusal.kind == FMFTS_FINE) {
+    if (fingers.count) {
         refusal = fmfts_poses_of(model, limits->unfelt, &fitted, &measured, work, &found->poses); /* poses.c */
+    }
+    /* Last: of one finger it leaves another root. */
+    if (fingers.count && refusal.kind == FMFTS_FINE) {
+        refusal = fmfts_valley(fitter, &fitted, &measured, &limits->valley, &found->valley);    /* valley.c */
     }
     found->is_ordinary = refusal.kind == FMFTS_FINE;
 }

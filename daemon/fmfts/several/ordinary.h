@@ -15,7 +15,7 @@ typedef struct {
 } fmfts_ordinary_limits;
 
 /* has_jumped: as fmfts_since_rest says. has_fit: `fit` is of the fingers of before. is_ordinary: it needs no closer look; of
- * fingers, poses are then filled, and of two, valley. */
+ * fingers, poses and valley are then filled. */
 typedef struct {
     bool has_jumped, has_fit, is_ordinary;
     fmfts_found fit;

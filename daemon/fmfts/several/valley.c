@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../arithmetic/elementary.h"
 #include "../arithmetic/matrix.h"
 #include "resultant.h"
 
@@ -53,22 +54,59 @@ typedef struct {
     fmfts_several_work *work;
 } course;
 
+/* One such step under the root in `work`. The fit's predictions stay, for the poses. */
+static bool come_nearer(const course *c, size_t fingers, const double *direction, double *finger)
+{
+    fmfts_several_work *work = c->work;
+    fmfts_predicted *predicted = &work->aside;
+    fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, FMFTS_SLOPED, predicted);
+    fmfts_whiten(work, work->root, c->measured, predicted->field, work->white);
+    fmfts_whiten_slope(predicted->slope, FMFTS_FINGER * fingers, work, work->slope);
+    return step_across(c->search, c->limits->least_force_n, FMFTS_FINGER * fingers, direction, work, finger);
+}
+
+static double chi2_at(const course *c, size_t fingers, const double *finger)
+{
+    fmfts_several_work *work = c->work;
+    fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, FMFTS_FIELD_ALONE, &work->aside);
+    return fmfts_whiten(work, work->root, c->measured, work->aside.field, work->white);
+}
+
 /* Moves so many fingers, at `finger`, to the minimum across `direction`. Returns its χ², infinite where there is none. */
 static double fitted_across(const course *c, size_t fingers, const double *direction, double *finger)
 {
-    size_t unknowns = FMFTS_FINGER * fingers;
-    fmfts_several_work *work = c->work;
-    fmfts_predicted *predicted = &work->aside; /* the fit's stay, for the poses */
     for (double step = 0.0; step < c->limits->steps; step += 1.0) {
-        fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, FMFTS_SLOPED, predicted);
-        fmfts_whiten(work, work->root, c->measured, predicted->field, work->white);
-        fmfts_whiten_slope(predicted->slope, unknowns, work, work->slope);
-        if (!step_across(c->search, c->limits->least_force_n, unknowns, direction, work, finger)) {
+        if (!come_nearer(c, fingers, direction, finger)) {
             return INFINITY;
         }
     }
-    fmfts_predict(c->model, (fmfts_fingers){fingers, finger}, FMFTS_FIELD_ALONE, predicted);
-    return fmfts_whiten(work, work->root, c->measured, predicted->field, work->white);
+    return chi2_at(c, fingers, finger);
+}
+
+static double log_determinant(const fmfts_several_work *work)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < work->used; i++) {
+        sum += fmfts_log(work->root[(work->used + 1) * i]);
+    }
+    return 2.0 * sum;
+}
+
+/* As fitted_across, of one finger, by the covariance that the values have where it is moved to: by how much -2 log of the
+ * likelihood is more than at the fit, whose root is in `work`. */
+static double likelihood_across(const course *c, double chi2, const double *direction, double *finger)
+{
+    fmfts_refusal refusal;
+    double before = chi2 + log_determinant(c->work);
+    if (!come_nearer(c, 1, direction, finger)) {
+        return INFINITY;
+    }
+    const fmfts_fingers there = {1, finger};
+    fmfts_predict(c->model, there, FMFTS_ALL_OF_IT, &c->work->aside);
+    if (!fmfts_root_of(c->model, there, &c->work->aside, c->measured, c->work, &refusal) || !come_nearer(c, 1, direction, finger)) {
+        return INFINITY;
+    }
+    return chi2_at(c, 1, finger) + log_determinant(c->work) - before;
 }
 
 /* The largest variance (mm²) in any direction of the place whose x is number `first`, and this direction [n]. */
@@ -83,15 +121,26 @@ static double weakest(size_t n, const double *covariance, size_t first, double *
     return 0.5 * (along_x + along_y) + root;
 }
 
-/* Raises `least` to what the fingers at `moved`, whose χ² is `rise` higher, tell of the resultant and of each finger. */
-static void widen(fmfts_fingers fingers, const double *moved, double rise, double *least)
+static void move(const course *c, fmfts_fingers fingers, const double *away, double share, double *moved)
+{
+    for (size_t i = 0; i < FMFTS_FINGER * fingers.count; i++) {
+        moved[i] = on_the_table(c->search, c->limits->least_force_n, i, fingers.at[i] + away[i] * share);
+    }
+}
+
+/* Raises `least` to what the fingers at `moved`, whose χ² is `rise` higher, tell of the resultant and of each finger; nothing where
+ * that is infinite. */
+static void widen(fmfts_fingers fingers, const double *moved, double rise, double least_rise, double *least)
 {
     double before[FMFTS_FINGER], after[FMFTS_FINGER];
+    if (!isfinite(rise)) {
+        return;
+    }
     fmfts_resultant(fingers.count, fingers.at, before);
     fmfts_resultant(fingers.count, moved, after);
     for (size_t i = 0; i < FMFTS_FINGER * (1 + fingers.count); i++) {
         double off = i < FMFTS_FINGER ? after[i] - before[i] : moved[i - FMFTS_FINGER] - fingers.at[i - FMFTS_FINGER];
-        least[i] = fmax(least[i], off * off / rise);
+        least[i] = fmax(least[i], off * off / fmax(rise, least_rise));
     }
 }
 
@@ -120,18 +169,18 @@ fmfts_refusal fmfts_valley(const fmfts_fitter *fitter, const fmfts_fitted *fitte
             return refusal;
         }
         fmfts_product(unknowns, unknowns, 1, fitted->covariance, direction, away);
+        if (fingers.count == 1) {
+            move(&c, fingers, away, (away[2] < 0.0 ? -limits->away : limits->away) / sqrt(variance), moved);
+            widen(fingers, moved, likelihood_across(&c, fitted->chi2, direction, moved), limits->least_rise, found->least);
+            continue;
+        }
         for (int side = 1; side >= -1; side -= 2) {
             double rise = 0.0;
             /* A parabola rises by the square of the deviations; along a valley that still rises less, it goes as far again. */
             for (double far = limits->away; far <= limits->farthest && rise < limits->flat * far * far / 4.0; far *= 2.0) {
-                for (size_t i = 0; i < unknowns; i++) {
-                    double to = fingers.at[i] + side * (away[i] * (far / sqrt(variance)));
-                    moved[i] = on_the_table(c.search, limits->least_force_n, i, to);
-                }
+                move(&c, fingers, away, side * (far / sqrt(variance)), moved);
                 rise = fitted_across(&c, fingers.count, direction, moved) - fitted->chi2;
-                if (isfinite(rise)) {
-                    widen(fingers, moved, fmax(rise, limits->least_rise), found->least);
-                }
+                widen(fingers, moved, rise, limits->least_rise, found->least);
             }
         }
     }

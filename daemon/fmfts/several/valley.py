@@ -1,10 +1,14 @@
-"""The error of two fingers if χ² is a long valley: for an uncertain finger near the rim.
+"""The error of fingers if χ² is a long valley: for an uncertain finger near the rim.
 
 There a finger further out that presses harder has nearly the same field, and χ² is no parabola: it rises at first, and
 then stays. So each finger is moved by `AWAY` deviations to either side, along its least certain direction, and all else
 is fitted again. If a finger or the resultant then moved by d while χ² rose by c, its deviation is at least d/√c. Along
 a parabola that never exceeds the published deviation. If χ² rose by less than `FLAT` of what a parabola rises, the
 valley goes on: the finger is moved twice as far.
+
+One finger that is found too weak and too far inside has too small deviations: further out, each newton and millimetre
+changes the field less, and a harder press errs more by its shear and patch. It is moved to the harder side alone, and
+c is of -2 log of the likelihood with the covariance that the field has there.
 """
 
 from __future__ import annotations

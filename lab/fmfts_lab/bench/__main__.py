@@ -106,6 +106,7 @@ def main() -> None:
     verb.add_argument("--above", action="store_true", help="only two fingers that are just far enough apart")
     verb.add_argument("--doubted", action="store_true", help="only one finger: how often two are suspected")
     verb.add_argument("--whole", action="store_true", help="only what is published of one finger, and of solved pairs")
+    verb.add_argument("--worst", type=int, default=0, help="with --whole: also the draws of so many worst frames")
     verb.add_argument("--through-poses", action="store_true", help="only fingers by the poses of all magnets")
     verb.add_argument("--free-poses", action="store_true", help="only the poses by the field alone, on other pads, too")
     verb.add_argument("--calibrated", action="store_true", help="only a pad in other silicone, and `calibrate`")

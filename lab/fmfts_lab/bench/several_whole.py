@@ -8,6 +8,7 @@ from __future__ import annotations
 from argparse import Namespace
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,11 +42,32 @@ HEAD = (
 )
 
 
+class Found(NamedTuple):
+    """A finger that one frame reports. pad: the seed that builds it, for `world`. frame: its number on that pad. error,
+    deviation (3,): mm and N."""
+
+    pad: int
+    frame: int
+    press: Press
+    error: Array
+    deviation: Array
+
+    @property
+    def off(self) -> float:
+        return float(np.abs(self.error / self.deviation).max())
+
+    def line(self) -> str:
+        press, error, deviation = (
+            " ".join(f"{value:.3f}" for value in each) for each in (self.press, self.error, self.deviation)
+        )
+        return f"  {self.off:.2f}: pad {self.pad}, frame {self.frame}, {press}; off by {error} of {deviation}"
+
+
 @dataclass(slots=True)
 class Whole:
     """The published results of the frames of one row. told: how many fingers each frame with contacts has. off: of the
     resultant and, if as many are told as there are, of each finger, in their deviations, of `ok` frames. errors (…, 3):
-    of each of these fingers, mm and N.
+    of each of these fingers, mm and N. found: of one finger.
     """
 
     frames: int = 0
@@ -53,6 +75,7 @@ class Whole:
     told: Counter[int] = field(default_factory=Counter)
     off: list[float] = field(default_factory=list)
     errors: list[Array] = field(default_factory=list)
+    found: list[Found] = field(default_factory=list)
 
     def add(self, reading: FingersReading, truth: Array) -> None:
         """truth (K, 3): the fingers that there are."""
@@ -85,6 +108,15 @@ class Whole:
             f"| {force:.3f} |"
         )
 
+    def worst(self, count: int) -> str:
+        """How wide the deviations of one finger are, how often they hold, and the draws of the worst frames."""
+        off = np.abs(np.array([one.error / one.deviation for one in self.found]))
+        within = ", ".join(f"{share:.2%}" for share in np.mean(off < 2.0, axis=0))
+        mean = ", ".join(f"{one:.4f}" for one in np.mean([one.deviation for one in self.found], axis=0))
+        head = f"  x, y, force: within two deviations {within}; these are {mean} on average"
+        worst = sorted(self.found, key=lambda one: -one.off)[:count]
+        return "\n".join([head, *(one.line() for one in worst)])
+
 
 def run(options: Namespace) -> None:
     print(HEAD)
@@ -98,7 +130,10 @@ def run(options: Namespace) -> None:
             flush=True,
         )
     for name, tolerance in (("as drawn", EXACT), ("as built", BUILT), ("by hand, gains 5 %", BY_HAND)):
-        print(one_finger(options, tolerance).line(f"one finger, {name}"), flush=True)
+        whole = one_finger(options, tolerance)
+        print(whole.line(f"one finger, {name}"), flush=True)
+        if options.worst:
+            print(whole.worst(options.worst), flush=True)
     print("\n" + table_error())
 
 
@@ -137,9 +172,14 @@ def solved_pairs(one: World, least_n: float, most_n: float) -> Whole:
 
 def one_finger(options: Namespace, tolerance: Tolerance) -> Whole:
     whole = Whole()
-    for one in worlds(options.one_finger, tolerance, options.seed + 4, FRAMES_OF_A_PAD):
+    for number, one in enumerate(worlds(options.one_finger, tolerance, options.seed + 4, FRAMES_OF_A_PAD)):
         estimator = estimator_of(one)
-        for _ in range(FRAMES_OF_A_PAD):
+        for frame in range(FRAMES_OF_A_PAD):
             press: Press = any_press(one.random)
-            whole.add(read_once(one, one.pressed([press]), estimator), np.array([press[:3]]))
+            reading = read_once(one, one.pressed([press]), estimator)
+            whole.add(reading, np.array([press[:3]]))
+            fit = reading.fit
+            if reading.health == "ok" and fit is not None and len(fit.fingers) == 1:
+                error, deviation = fit.fingers[0] - press[:3], deviation_of(reading, fit)
+                whole.found.append(Found(1000 * (options.seed + 4) + number, frame, press, error, deviation))
     return whole
