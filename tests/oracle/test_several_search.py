@@ -268,7 +268,7 @@ def test_valley_is_what_two_steps_across_each_uncertain_place_leave(sizes: tuple
 def moved_outward(
     fitter: Fitter, fit: Fit, measured: Measured, held: White, direction: Array, variance: float
 ) -> Array:
-    """(2, 3) variances of one finger: it is moved where it presses harder, and judged by the likelihood that it has there."""
+    """(2, 3) variances of one finger, moved to where it presses harder, and judged by its likelihood there."""
     away = fit.covariance @ direction * (3.0 / np.sqrt(variance))
     finger = clipped(fitter, fit.fingers.ravel() + (-away if away[2] < 0.0 else away))
     finger = clipped(fitter, finger.ravel() + step_across(fitter, held, finger, direction, measured))

@@ -32,7 +32,8 @@ bool fmfts_put_finger(const fmfts_fitter *fitter, fmfts_ahead *from, const doubl
 {
     fmfts_finger_memory *finger = &memory->finger;
     const fmfts_motion_memory *motion = &memory->motion;
-    const bool is_followed = motion->motion_us > 0.0;
+    /* Where no frame had a finger before, its own place is the best. */
+    const bool is_followed = motion->motion_us > 0.0 && finger->untouched_us == 0.0;
     double there[NUMBERS];
     memcpy(there, is_followed ? motion->motion_state : from->finger, sizeof there);
     if (is_followed) {
@@ -166,7 +167,8 @@ void fmfts_follow_finger(const fmfts_parameters *parameters, fmfts_followed_memo
         memcpy(newest.field_t, frame->field_t, 3 * sensors * sizeof(double));
         memcpy(newest.time_us, frame->sampled_us, sensors * sizeof(int64_t));
         drive_of(&parameters->now, drive);
-        if (memory->motion.motion_us == 0.0) {
+        /* Where the newest samples had shown a finger before any frame did, its place was hardly known. */
+        if (memory->motion.motion_us == 0.0 || finger->untouched_us > 0.0) {
             begin(finger, drive, &memory->motion);
         }
         renew_ambient(&memory->motion);

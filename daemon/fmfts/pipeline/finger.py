@@ -5,7 +5,7 @@ It is null with two fingers, beside pads that are felt, and on a hand that moves
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from fmfts.pose import AMBIENT, Aligned
 from fmfts.pose.gates import FALSE_INNOVATION
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
+from fmfts.several.appearing import Appearing
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.fit import Fit, Measured
 from fmfts.several.reading import FingersReading
@@ -50,6 +51,7 @@ class FollowedFinger:
         """parameters: of C's pad, which are filled. compiled: this pad."""
         pad, mounting, scene = estimator.pad, estimator.mounting, estimator.scene
         self._estimator, self._mounting, self._compiled = estimator, mounting, compiled
+        self._appearing = Appearing(estimator)
         self._sensors = len(pad.sensors)
         self._memory = Record(_pad.FOLLOWED)
         walk = np.zeros(_pad.STEP)
@@ -77,8 +79,10 @@ class FollowedFinger:
         self._sure_t = SURE_DEVIATIONS * mounting.noise_t
         # χ² of the last look since the frame, and the largest of each of the last frames and since.
         self._looked_chi2, self._largest_chi2 = 0.0, [0.0] * (LAST_FRAMES + 1)
-        # Of the last frame, in which nothing pressed: its change, its field (N, 3), and the newest samples (N, 3).
-        self._last: tuple[Measured, Array, Array]
+        # Of the last frame, in which nothing pressed: its change, its field (N, 3), and the newest samples (N, 3) and
+        # how much later than the frame's instant they were taken (N,).
+        self._last: tuple[Measured, Array, Array, Array]
+        self._instant_us = 0
         self._ahead: bool | None = None  # `now` of a finger that a look found; None: it found none
 
     @property
@@ -99,9 +103,11 @@ class FollowedFinger:
         """Of its memory, for C."""
         return self._buffer
 
-    def rests(self, measured: Measured, aligned: Aligned, newest_t: Array) -> None:
+    def rests(self, measured: Measured, aligned: Aligned, frame: Frame, newest_t: Array) -> None:
         """Nothing presses in the last frame, which has this change; newest_t (N, 3): its samples."""
-        self._last = measured, aligned.field_t, newest_t
+        self._instant_us = aligned.time_us
+        passed_us = frame.sampled_us.astype(np.float64) - aligned.time_us
+        self._last = measured, aligned.field_t, newest_t, passed_us
         self._looked_chi2, self._largest_chi2 = 0.0, [*self._largest_chi2[1:], 0.0]
 
     def after(self, reading: FingersReading, aligned: Aligned, frame: Frame, newest_t: Array) -> bool:
@@ -121,7 +127,7 @@ class FollowedFinger:
             return False
         if len(fit.fingers):
             return self._follow(True, measured, fit, frame.device_time_us)
-        self.rests(measured, aligned, newest_t)
+        self.rests(measured, aligned, frame, newest_t)
         self._ahead = None
         if (np.abs(newest_t - aligned.field_t) > self._sure_t).any():
             self._looked_chi2 = self._newer_chi2()
@@ -135,7 +141,7 @@ class FollowedFinger:
 
     def _newer_chi2(self) -> float:
         """Of the change from the frame's instant to the newest samples."""
-        _, field_t, newest_t = self._last
+        _, field_t, newest_t, _ = self._last
         return float(square((newest_t - field_t) / self._mounting.noise_t).sum())
 
     def _may_press(self) -> bool:
@@ -149,12 +155,9 @@ class FollowedFinger:
 
     def _look_ahead(self, time_us: int) -> None:
         """The newest samples may show a finger, though nothing pressed at the frame's instant."""
-        measured, field_t, newest_t = self._last
-        mounting, newer_t = self._mounting, newest_t - field_t
-        change_t = measured.field_t + (newer_t / (mounting.gain * self._estimator.moment)).ravel()
-        newest = replace(measured, field_t=change_t, variance_t2=square(mounting.noise_t / mounting.gain).ravel())
-        found = self._estimator.appears(newest)
-        self._ahead = None if found is None else self._follow(False, newest, found, time_us)
+        measured, field_t, newest_t, passed_us = self._last
+        found = self._appearing.found(measured, newest_t - field_t, passed_us)
+        self._ahead = None if found is None else self._follow(False, *found, time_us)
 
     def early(self, early: EarlySample) -> bytes | None:
         """The last message with what a sample says that came before its frame; None where it says nothing new."""
@@ -162,6 +165,7 @@ class FollowedFinger:
         payload = self._compiled.follow_early(*sample)
         if payload is True:
             self._last[2][early.sensor] = early.field_t
+            self._last[3][early.sensor] = early.device_time_us - self._instant_us
             if not self._may_press():
                 return None
             self._look_ahead(early.device_time_us)

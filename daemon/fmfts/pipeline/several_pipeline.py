@@ -247,7 +247,7 @@ class SeveralPipeline:
         if isinstance(told, bytes):
             self._has_now = calm.has_now
             if not estimator.memory.counter.count:
-                followed.rests(calm.measured, aligned, newest_t)
+                followed.rests(calm.measured, aligned, frame, newest_t)
             self._show(estimator.sighted(calm.reading) if self._is_felt else None)
         return told
 

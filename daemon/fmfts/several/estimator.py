@@ -58,7 +58,7 @@ class FingersEstimator:
     def __init__(self, model: FieldModel, rate_hz: float, repeats_allowed: Array, warmth: Warmth = CONSTANT) -> None:
         pad, mounting = model.pad, model.mounting
         self.pad, self.mounting, self.response, self.scene = pad, mounting, model.response, model.scene
-        self.repeats_allowed = repeats_allowed
+        self.rate_hz, self.repeats_allowed = rate_hz, repeats_allowed
         self._since_rest = SinceRest(pad, mounting, repeats_allowed, warmth)
         self.silicone = self._since_rest.silicone
         self._longest_gap_s = max(LONGEST_GAP_S, (RELEASE_FRAMES + 0.5) / rate_hz)
@@ -244,12 +244,9 @@ class FingersEstimator:
         least = valley_variance(self.fitter, alone, seen, self._since_rest.around_t) if len(fit.fingers) else None
         return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least, search)
 
-    def appears(self, measured: Measured) -> Fit | None:
-        """One finger on a pad that nothing pressed in the last frame, by other samples; None where none does."""
-        try:
-            return self._counter.appears(measured, self._since_rest.around_t)
-        except SingularError:
-            return None
+    def refit(self, fingers: Array, measured: Measured) -> Fit:
+        """The most likely fingers near these, by other samples than a frame's. Nothing is remembered."""
+        return self.fitter.fit(fingers, measured, self._since_rest.around_t)
 
     def _odd_sensor(self, measured: Measured, there: Mask, before: CounterMemory, number: int) -> Odd | None:
         if number % 2 == 0:
