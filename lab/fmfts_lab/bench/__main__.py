@@ -95,6 +95,7 @@ def main() -> None:
     verb.add_argument("--speed", action="store_true", help="only the time of a frame")
     verb.add_argument("--growth", action="store_true", help="only the same by magnets, sensors and fingers")
     verb.add_argument("--now", action="store_true", help="only how wrong `now` is, as `bench now` of one magnet")
+    verb.add_argument("--bound", action="store_true", help="with --now: the best that straight lines could say instead")
     verb.add_argument("--repeats", type=int, default=400, help="frames that are timed")
     verb.add_argument(
         "--running", type=int, nargs="?", const=16, metavar="PADS", help="only a daemon with so many such pads (16)"

@@ -21,6 +21,7 @@ from fmfts.pipeline.several_pipeline import SeveralPipeline
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.sensor.wire.packets import EARLY_BYTES, LINE_BITS_PER_BYTE, frame_bytes
+from fmfts_lab.bench import several_now_bound
 from fmfts_lab.bench.drills import RATE_HZ, TURNING_DEG_PER_S
 from fmfts_lab.bench.motions import Motion
 from fmfts_lab.bench.now import HEADER, Errors, Run, told_line
@@ -35,6 +36,9 @@ LEAD = Lead(
 
 
 def run(options: Namespace) -> None:
+    if options.bound:
+        several_now_bound.run(options, LEAD.frame_s, LEAD.early_s)
+        return
     for samples in (False, True):
         errors = dict[str, Errors]()
         for config, motions in drawn(options.seed, options.pads, options.seconds, config_of=_built):
@@ -64,11 +68,12 @@ def _messages(
     scene = several_scene_of(config)
     pipeline = SeveralPipeline(config.pad(), model, "bench", float(RATE_HZ), scene, per_k, lead=LEAD)
     pipeline.use(simulated_baseline(config))
-    published, messages = [], []
+    published, messages = list[float](), []
     for at_s, packet in _packets(config, motion, seconds, samples):
         answer = pipeline.early(packet) if isinstance(packet, EarlySample) else pipeline.answer(packet)
         if answer is not None:
-            published.append(at_s - BEFORE_S)
+            # A sample that is taken while a frame is sent waits for it.
+            published.append(max(at_s - BEFORE_S, published[-1] if published else -np.inf))
             messages.append(answer.message)
     return np.array(published), messages
 

@@ -33,6 +33,7 @@ SINGLE, PAIR = [Press(3.0, -4.0, 1.0)], [Press(-6.0, -2.0, 1.0), Press(8.0, 1.0,
 FINGERS: dict[str, tuple[Finger, Finger | None]] = {
     "no finger": (no_finger, None),
     "one finger": (steady_finger(3e-3, -4e-3, 1.0), None),
+    "one finger near the rim": (steady_finger(10e-3, -8e-3, 0.7), None),
     "two fingers": (steady_finger(-6e-3, -2e-3, 1.0), steady_finger(8e-3, 1e-3, 0.7)),
     "two fingers, one near the rim": (steady_finger(4e-3, -5e-3, 1.6), steady_finger(-9.5e-3, -9.5e-3, 0.4)),
     "disturbed": (no_finger, None),
