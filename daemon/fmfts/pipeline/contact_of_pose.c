@@ -132,11 +132,9 @@ bool fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
     } else if (work->touch_is_known) {
         bool was_contact = memory->contact.in_contact != 0.0;
         fmfts_press(&pad->parameters->contact, &memory->contact, &work->estimate);
-        double doubted = was_contact || !fmfts_may_have_drifted(pad, work) ? 0.0 : memory->contact.in_contact;
-        memory->contact.in_contact = doubted != 0.0 ? 0.0 : memory->contact.in_contact;
         if (memory->contact.in_contact != 0.0) {
             memory->contact.recent_moved_s = was_contact ? memory->contact.recent_moved_s : 0.0;
-        } else if (!fmfts_compare_recent(pad, work, was_contact, doubted)) {
+        } else if (!fmfts_compare_recent(pad, work, was_contact)) {
             return false;
         }
         if (memory->contact.touched != 0.0 && work->estimate.over_range && fmfts_has_jumped(&work->step)) {

@@ -2,10 +2,7 @@
  *
  * Gains and rotations that the baseline leaves wrong move the estimate with the ambient field, slowly, as a robot turns. So the pose is
  * also compared with the mean pose of a moment before, in the ambient field of that moment: only the change of that field
- * since then adds errors (change.c). Steel that passes would be noticed farther away, too, so a press has to explain more.
- *
- * The reverse, too: offsets of a warm pad that drifted further than the chip's figure may look like a press that came slowly. Noise
- * then makes single frames a contact, so that one begins only where the pose has left the recent rest, or no drift explains it. */
+ * since then adds errors (change.c). Steel that passes would be noticed farther away, too, so a press has to explain more. */
 #include <string.h>
 
 #include "../pose/model.h"
@@ -26,11 +23,6 @@
 #define KEPT_SHARE 0.9
 /* A change of the axis by a larger square is that of no press. */
 #define MOST_TILT2 0.25
-
-/* As far as offsets may drift, in the chip's figure: the largest that pose/further_drift.c knows. */
-#define FARTHEST_DRIFT 4.0
-/* Near the temperature of the rest no drift is looked for: below this share of the variance of a frame's field. */
-#define LEAST_SHARE 0.0625
 
 static void follow_rest(const fmfts_frame_work *work, fmfts_contact_memory *memory)
 {
@@ -70,32 +62,7 @@ static void displace(const fmfts_frame_work *work, const double *change, double 
     fmfts_displace(step->parameters, step->memory, state, &step->pose, work->overlaps ? work->overlap : NULL, since);
 }
 
-/* Presses with shear explain most changes, and a hidden force shifts the place: as in contact/touch.c. */
-static bool knows_recent(const fmfts_pad *pad)
-{
-    return pad->network.outputs != FMFTS_CONTACT && !(pad->parameters->contact.hidden_force_sd_n > 0.0);
-}
-
-bool fmfts_may_have_drifted(const fmfts_pad *pad, const fmfts_frame_work *work)
-{
-    const fmfts_step *step = &work->step;
-    double per_k = FARTHEST_DRIFT * step->parameters->offset_t_per_k, warmed_k = step->memory->warmed_k;
-    double drift_t2 = per_k * per_k * warmed_k * warmed_k, counted_t2 = 0.0, wider[FMFTS_MOVED * FMFTS_MOVED], chi2;
-    int axes = 3 * (int)step->parameters->sensors;
-    for (int axis = 0; axis < axes; axis++) {
-        counted_t2 += step->field.variance_t2[axis] / axes;
-    }
-    if (!knows_recent(pad) || drift_t2 < LEAST_SHARE * counted_t2) {
-        return false;
-    }
-    for (int i = 0; i < FMFTS_MOVED * FMFTS_MOVED; i++) {
-        wider[i] = work->displacement.at_rest[i] * (1.0 + drift_t2 / counted_t2);
-    }
-    return fmfts_chi2_from_rest(FMFTS_MOVED, work->displacement.change, wider, &chi2) &&
-           chi2 < pad->parameters->contact.onset_chi2;
-}
-
-bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was_contact, double doubted)
+bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was_contact)
 {
     const fmfts_contact_parameters *contact = &pad->parameters->contact;
     fmfts_contact_memory *memory = &work->memory->contact;
@@ -103,8 +70,8 @@ bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was
     fmfts_displacement since;
     fmfts_question question;
     fmfts_estimate estimate;
-    if (!knows_recent(pad)) {
-        return true;
+    if (pad->network.outputs == FMFTS_CONTACT || contact->hidden_force_sd_n > 0.0) {
+        return true; /* presses with shear explain most changes, and a hidden force shifts the place: as in contact/touch.c */
     }
     for (int i = 0; i < FMFTS_MOVED; i++) {
         change[i] = work->displacement.change[i] - memory->recent_change[i];
@@ -125,10 +92,6 @@ bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was
         return true;
     }
     if (!(chi2 > needed) || !(work->estimate.place[2] > 0.0)) {
-        return true;
-    }
-    if (doubted != 0.0) {
-        memory->in_contact = doubted;
         return true;
     }
     fmfts_draw(work->step.parameters, state, &since, MM_PER_M, question.pose, question.covariance);

@@ -57,12 +57,8 @@ bool fmfts_find_contact(const fmfts_pad *pad, fmfts_frame_work *work);
  * model gives no number. */
 bool fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work);
 
-/* recent_rest.c: whether offsets that drifted further than is counted explain the change since the baseline. */
-bool fmfts_may_have_drifted(const fmfts_pad *pad, const fmfts_frame_work *work);
-
-/* recent_rest.c: whether the change since a moment before is a contact. doubted: the kind of contact since the baseline that drift may be,
- * or 0. False if the model gives no number. */
-bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was_contact, double doubted);
+/* recent_rest.c: whether the change since a moment before is a contact. False if the model gives no number. */
+bool fmfts_compare_recent(const fmfts_pad *pad, fmfts_frame_work *work, bool was_contact);
 
 /* contact_of_pose.c: the deviation of the force to publish. */
 double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate,
