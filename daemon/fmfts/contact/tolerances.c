@@ -6,7 +6,7 @@
  * - Thicker silicone moves less, and in another shape. Its effect on an answer depends on the distance of the press
  * from the middle: parameters.
  * - Both multiply a force, and the logarithm of their product is normal. So a force is wrong by more upwards than downwards: with s the
- *   deviation of the logarithm, e = (exp(s) - 1) F is the deviation upwards. The root of the mean square, and more so a sum of both
+ *   deviation of the logarithm, e = (e^s - 1) F is the deviation upwards. The root of the mean square, and more so a sum of both
  *   causes' squares, is less: it left nearly twice as many pads beyond five deviations.
  * - A finger of another size or shape moves the magnet like the mean of presses at the points of its area, to second order:
  *   d = (h(x + a) + h(x - a)) / 2 - h(x), where a^2 is what its second moment has more than the probe's that calibrated the pad. The
