@@ -43,6 +43,41 @@ FMFTS_FUNCTION(predict)
     return PyBool_FromLong(finite);
 }
 
+/* For tests, as pipeline/_calm.c calls it without Python.
+ *
+ * ahead(model, work, finger, change, noise, misfit, slope, ambient, rest, there, numbers, ahead, by_finger): there: the same array as
+ * finger where it has not moved; numbers: moment and light_n. */
+FMFTS_FUNCTION(ahead)
+{
+    enum { FINGER = FIRST, CHANGE, NOISE, MISFIT, SLOPE, AMBIENT, REST, THERE, NUMBERS, AHEAD, BY_FINGER, ALL };
+    call c = {.buffer = b};
+    if (!take(&c, args, AHEAD, ALL) || !has_model(&c)) {
+        return NULL;
+    }
+    const size_t values = c.model.values, slopes = FMFTS_FINGER * values;
+    const size_t wanted[] = {FMFTS_FINGER, values, values, values, slopes, 3, values, FMFTS_FINGER, 2, values, slopes};
+    if (!have_doubles(&c, FINGER, wanted, ALL - FINGER)) {
+        return NULL;
+    }
+    const fmfts_ahead from = {
+        .finger = array(&c, FINGER),
+        .change_t = array(&c, CHANGE),
+        .noise_t = array(&c, NOISE),
+        .misfit_t = array(&c, MISFIT),
+        .slope_t = array(&c, SLOPE),
+        .ambient_t = array(&c, AMBIENT),
+        .rest_t = array(&c, REST),
+        .there = array(&c, THERE) == array(&c, FINGER) ? NULL : array(&c, THERE),
+        .moment = array(&c, NUMBERS)[0],
+        .light_n = array(&c, NUMBERS)[1],
+    };
+    if (!fmfts_finite(FMFTS_FINGER, array(&c, THERE))) {
+        return PyErr_Format(PyExc_ValueError, "a finger that is followed is at no finite place");
+    }
+    fmfts_look_ahead(&c.model, &from, c.work, array(&c, AHEAD), array(&c, BY_FINGER));
+    return Py_NewRef(Py_None);
+}
+
 /* covariance(model, work, fingers, field, slope, by_pose, change, pressed, variance, ambient, covariance) */
 FMFTS_FUNCTION(covariance)
 {
