@@ -38,7 +38,7 @@ class Collection:
         self._pad_index = pad_index
         self._duration_s = duration_s
         self._fewest = fewest
-        self._begun_s = time.monotonic()
+        self._begun_s: float | None = None  # since the first frame
         self._silent_too_long = Deadline(source)
         self._leapt = False
         self._least_delay_ns = 0
@@ -46,7 +46,7 @@ class Collection:
     def take(self, frame: Frame) -> None:
         if self.frames and frame.gain_code != self.frames[-1].gain_code and self._span_s < SETTLING_S:
             self.frames.clear()
-        if not self.frames:
+        if self._begun_s is None:
             self._begun_s = time.monotonic()
         self._leapt |= self._leaps_at(frame)
         self.frames.append(frame)
@@ -67,7 +67,7 @@ class Collection:
             return "the device's clock leapt while recording: was it reset? Check its supply, then record again"
         if self._silent_too_long.passed(now_s):
             return silence_of(self._source, self._pad_index, PATIENCE_S)
-        if self.frames and now_s - self._begun_s > self._duration_s + OVERTIME_S:
+        if self._begun_s is not None and now_s - self._begun_s > self._duration_s + OVERTIME_S:
             return f"in {now_s - self._begun_s:.0f} s the device's clock went on by {self._span_s:.1f} s: is it halted?"
         return ""
 

@@ -21,7 +21,7 @@ from fmfts.pipeline.configured import posture_learner
 from fmfts.pipeline.last_pad import ConfiguredPad
 from fmfts.sensor import Frame, Source, SourceError
 from fmfts.sensor.missing import missing_sensors
-from fmfts.sensor.probing import is_sound, probe_facts
+from fmfts.sensor.probing import is_sound, once_connected, probe_facts
 from fmfts.sensor.source import HandledSource
 from fmfts.sensor.tasks import PATIENCE_S, Deadline, Task
 from fmfts.sources import open_sources, origin_of, require_device
@@ -30,7 +30,6 @@ from fmfts_client import BadKeyError, ControlError, EndpointError, RefusedError,
 from fmfts_client.endpoints import for_client, named_base
 
 TURN_S = 0.002
-AGAIN_S = 0.1
 
 
 class AbsentError(Exception):
@@ -174,12 +173,7 @@ def probe_running(base: str | None) -> dict[str, Any] | None:
 
     On a busy computer a board may be silent for a moment: it gets as much time as in `probe`.
     """
-    until = time.monotonic() + PATIENCE_S
-    while True:
-        facts = ask_daemon("probe", base)
-        if facts is None or all(pad["connected"] for pad in facts["pads"]) or time.monotonic() >= until:
-            return facts
-        time.sleep(AGAIN_S)
+    return once_connected(lambda: ask_daemon("probe", base))
 
 
 def probe(config: Config) -> dict[str, Any]:

@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
 from fmfts.sensor import Source
+from fmfts.sensor.source import OPENING
+from fmfts.sensor.tasks import OPENING_S, PATIENCE_S
 
+AGAIN_S = 0.1
 NOTHING_MISSING: Mapping[int, str] = MappingProxyType({})
+
+
+def once_connected(probe: Callable[[], dict[str, Any] | None]) -> dict[str, Any] | None:
+    """What a running daemon answers to `probe` once all its pads are connected, or if they are not for too long."""
+    begun_s = time.monotonic()
+    while True:
+        facts = probe()
+        pads = () if facts is None else facts["pads"]
+        patience_s = OPENING_S if any(pad["reason"] == OPENING for pad in pads) else PATIENCE_S
+        if all(pad["connected"] for pad in pads) or time.monotonic() - begun_s > patience_s:
+            return facts
+        time.sleep(AGAIN_S)
 
 
 def faults_of(source: Source, pad_index: int, missing: Mapping[int, str] = NOTHING_MISSING) -> list[str]:

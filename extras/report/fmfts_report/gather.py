@@ -21,8 +21,8 @@ from fmfts.contact.shipped import SHIPPED_PATHS
 from fmfts.sensor import SourceError
 from fmfts.sensor.bridge.serial_port import candidates
 from fmfts.sensor.i2c.scan import Found, scanned
-from fmfts.sensor.source import OPENING
-from fmfts.sensor.tasks import OPENING_S, PATIENCE_S, SELFTEST_S
+from fmfts.sensor.probing import once_connected
+from fmfts.sensor.tasks import PATIENCE_S, SELFTEST_S
 from fmfts.service.child import ChildDaemon, child_daemon
 from fmfts.view.progress import Show
 from fmfts_client import request
@@ -35,7 +35,6 @@ from fmfts_report.log import journal
 FORMAT = 1
 LARGEST_TEXT = 200_000  # bytes of the configuration, and of a log
 LARGEST_LOG = 10 * LARGEST_TEXT  # of which the end is taken
-TURN_S = 0.1  # between two looks whether each pad of a daemon that was just started is connected
 BUS_IN_TEXT = re.compile(r"^[ \t]*bus[ \t]*=[ \t]*(\d{1,3})\b", re.MULTILINE)
 
 
@@ -137,13 +136,7 @@ class Gathering:
         if not child.is_serving():
             raise SourceError(self._why_ended("does not serve"))
         self.started = child
-        begun_s, pads = time.monotonic(), _probed(own)
-        while not all(pad["connected"] for pad in pads):
-            patience_s = OPENING_S if any(pad["reason"] == OPENING for pad in pads) else PATIENCE_S
-            if time.monotonic() - begun_s > patience_s:
-                break
-            time.sleep(TURN_S)
-            pads = _probed(own)
+        once_connected(lambda: request("probe", endpoint=own))
         return own, "a daemon started for the report"
 
     def _why_ended(self, what: str) -> str:
