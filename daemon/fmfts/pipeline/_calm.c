@@ -9,6 +9,7 @@
 
 enum { MODEL, SEARCH, WORK, LIMITS, REST, UNTOUCHED, MOUNTED, FOLLOWED, ROOM };
 _Static_assert(ROOM + 1 == FMFTS_CALM_BUFFERS, "another number of arrays");
+_Static_assert((int)FMFTS_ORDINARY_FINGERS >= (int)FMFTS_TOLD_FINGERS, "limits and room for fewer fingers than are told");
 
 static bool bind(fmfts_pad_object *self)
 {

@@ -1,6 +1,8 @@
 /* The module fmfts.pipeline._pad: its types, and the fields of the structs that Python fills. */
 #include "_pad.h"
 
+#include "../pose/tracking.h"
+
 static const fmfts_field_name PARAMETERS[] = FMFTS_NAMES(FMFTS_PARAMETERS);
 static const fmfts_field_name MEMORY[] = FMFTS_NAMES(FMFTS_MEMORY);
 static const fmfts_field_name FOLLOWED[] = FMFTS_NAMES(FMFTS_FOLLOWED_MEMORY);
@@ -38,7 +40,8 @@ static int set_up(PyObject *module)
                    fmfts_add_fields(module, "MOUNTED", MOUNTED, COUNT(MOUNTED)) < 0 ||
                    PyModule_AddIntConstant(module, "FELT", FMFTS_FELT) < 0 ||
                    PyModule_AddIntConstant(module, "STATE", FMFTS_STATE) < 0 ||
-                   PyModule_AddIntConstant(module, "STEP", FMFTS_STEP) < 0
+                   PyModule_AddIntConstant(module, "STEP", FMFTS_STEP) < 0 ||
+                   PyModule_AddIntConstant(module, "TRUSTED_FRAMES", FMFTS_TRUSTED_FRAMES) < 0
                ? -1
                : 0;
 }

@@ -20,6 +20,7 @@ MOUNTED: list[Field]  # of fmfts_mounted_parameters
 FELT: int  # magnets of neighbouring pads, at most
 STATE: int  # numbers of a state, and of a step
 STEP: int
+TRUSTED_FRAMES: int  # FMFTS_TRUSTED_FRAMES of pose/tracking.h
 
 # health, contact, over_range, t_sample_ns, t_publish_ns of a message.
 Gist = tuple[Health, bool | None, bool, bool, int, int]

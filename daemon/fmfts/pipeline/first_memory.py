@@ -7,7 +7,7 @@ import numpy as np
 from fmfts.arithmetic.elementary import square
 from fmfts.common.record import Numbers, Values
 from fmfts.pad import Pad
-from fmfts.pipeline._pad import MEMORY
+from fmfts.pipeline._pad import MEMORY, TRUSTED_FRAMES
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pose.state import AMBIENT, LOG_MOMENT
 
@@ -71,6 +71,7 @@ def first_memory(pad: Pad, baselined: BaselinedPad | None) -> dict[str, Numbers]
 def with_later(fields: Values) -> Values:
     """The same, if an older version wrote it. Filters of slip with fewer numbers than now begin anew."""
     first = {name: np.zeros(count or (), kind) for name, kind, count in MEMORY if name in LATER}
+    first["native_frames"][...] = TRUSTED_FRAMES  # it has run for long
     whole = "slip_state" in fields and fields["slip_state"].shape == first["slip_state"].shape
     return first | {name: value for name, value in fields.items() if whole or name not in OF_SLIP}
 

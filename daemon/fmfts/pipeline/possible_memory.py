@@ -7,6 +7,7 @@ import numpy as np
 
 from fmfts.common.possible import Range
 from fmfts.common.record import Values
+from fmfts.pipeline import _pad
 from fmfts.pose.sighting import Sighting, SightingMemory
 
 # Sums of two of them, in ns, fit into 64 bits. A board counts 48 bits.
@@ -14,6 +15,7 @@ MICROSECONDS = Range(-(2.0**50), 2.0**50, "time of a board in µs")
 WHOLE = Range(-(2.0**61), 2.0**61, "time in ns, or count")
 LOOKS = Range(0, 2**12 - 1, "frames that ambient_motion.c looked at")
 CAUSES = Range(0, 4, "cause that fault_search.c finds")
+NATIVE = Range(0, _pad.TRUSTED_FRAMES, "number of frames that tracker.c counts")
 BLAMED = Range(0, 40, "frames until alternating.c forgets a blamed sensor")  # else it stays blamed for ever
 
 
@@ -26,6 +28,7 @@ def require_possible(fields: Values, sensors: int) -> None:
         "explained": LOOKS,
         "searched": CAUSES,
         "blamed": BLAMED,
+        "native_frames": NATIVE,
     }
     for name, values in fields.items():
         if values.dtype.kind == "i":
