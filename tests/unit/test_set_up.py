@@ -61,7 +61,8 @@ def pressed(config: PadConfig, baseline: Baseline, place_m: tuple[float, float])
 def test_newton_is_known_to_a_tenth_except_for_silicone(
     demo: tuple[PadConfig, Baseline, list[str]], place_m: tuple[float, float]
 ) -> None:
-    """20 % of the modulus (its logarithm, upwards), the thickness, and the finger's size are counted beside what the set-up leaves."""
+    """20 % of the modulus (upwards, of its logarithm), the thickness, and the finger's size are counted beside what the
+    set-up leaves."""
     config, baseline, _ = demo
     config = msgspec.structs.replace(config, contact=ContactConfig(finger_mm=(6.0, 6.0)))
     known = msgspec.structs.replace(config, tolerance=ToleranceConfig(modulus=0.0, thickness_mm=0.0))
