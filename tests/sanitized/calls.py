@@ -427,6 +427,11 @@ def _followed(_: np.random.Generator) -> None:
         if count == 88:  # the first of these writes to the pad's memory
             PADS.calm(pad, bound, noted["align"], (noted["calm"], noted["follow"]), early[1:])
             PADS.told_of_several(pad, noted["align"], noted["tell"])
+            model = pipeline._followed._estimator.fitter.model
+            finger, _, *fields = (np.frombuffer(each) for each in noted["follow"][3])
+            values = len(fields[0])
+            rooms = np.zeros(values), finger + 0.1, np.array([1.0, 0.2]), np.empty(values), np.empty(3 * values)
+            _several.ahead(model.packed, model.work, finger, *fields, *rooms)
 
 
 def _neighbours(_: np.random.Generator) -> None:
