@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmfts.baseline.job import EXTRA_S, SETTLING_S, BaselineJob, Collection
+from fmfts.baseline.job import EXTRA_S, OVERTIME_S, SETTLING_S, BaselineJob, Collection
 from fmfts.baseline.request import BaselineRequest
 from fmfts.config import PadConfig, SimulatedSource
 from fmfts.sensor import Frame
@@ -153,3 +153,17 @@ def test_device_that_is_being_opened_for_ever_is_reported() -> None:
     collection, begun_s = Collection(source, 0.5), time.monotonic()
     assert collection.problem(begun_s + 0.9 * OPENING_S) == ""
     assert collection.problem(begun_s + OPENING_S + PATIENCE_S).endswith("it is being opened")
+
+
+def test_board_that_resets_again_and_again_makes_no_recording_without_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It begins with another range each time, before the recorder's request for the configured one arrives."""
+    source, now_s = Simulated(PadConfig(name="left", source=SimulatedSource())), 0.0
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    some = record(source, no_finger, 0.5)[:80]
+    collection = Collection(source, 0.5)
+    while now_s < 60.0 and not collection.problem(now_s):
+        for number, frame in enumerate(some):
+            collection.take(replace(frame, gain_code=frame.gain_code - (number < 5)))
+        now_s += 0.4
+    assert now_s < 0.5 + OVERTIME_S + 1.0
+    assert not collection.complete

@@ -1,7 +1,9 @@
-"""`probe` on a board that takes other settings while it is looked at."""
+"""`probe` on a board that takes other settings, or is opened, while it is looked at."""
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +15,9 @@ import pytest
 from fmfts.cli import direct
 from fmfts.config.file import load
 from fmfts.sensor import Frame
-from fmfts.sensor.source import SourceState
+from fmfts.sensor.probing import once_connected
+from fmfts.sensor.source import OPENING, SourceState
+from fmfts.sensor.tasks import OPENING_S, PATIENCE_S
 
 WHOLE = Frame(
     0, 0, 0, 0, 0, np.zeros((4, 3), np.int16), np.zeros(4, np.uint16), np.ones(4, bool), np.ones(4, bool), None
@@ -60,3 +64,28 @@ def test_sensors_that_stay_silent_after_a_good_frame_are_a_fault(probed: Any) ->
     facts = probed([WHOLE, SILENT], [SILENT])
     assert facts["sound"] is False
     assert facts["faults"] == [f"sensor {number} is silent" for number in (1, 2, 3, 4)]
+
+
+@pytest.mark.parametrize(
+    ("reason", "until_s"), [(OPENING, OPENING_S), ("the port does not exist", PATIENCE_S)], ids=["opening", "absent"]
+)
+def test_running_daemon_is_asked_again_until_its_pads_are_connected(
+    monkeypatch: pytest.MonkeyPatch, reason: str, until_s: float
+) -> None:
+    """A pad whose device is still being opened gets more time than one whose device is absent."""
+    now_s, connects_s = 0.0, math.inf
+
+    def sleep(seconds: float) -> None:
+        nonlocal now_s
+        now_s += seconds
+
+    def facts() -> dict[str, Any]:
+        return {"pads": [{"connected": now_s >= connects_s, "reason": reason}]}
+
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    monkeypatch.setattr(time, "sleep", sleep)
+    assert once_connected(facts) == {"pads": [{"connected": False, "reason": reason}]}
+    assert until_s < now_s < until_s + 1.0
+    now_s, connects_s = 0.0, until_s - 1.0
+    assert once_connected(facts) == {"pads": [{"connected": True, "reason": reason}]}
+    assert once_connected(lambda: None) is None

@@ -24,6 +24,7 @@ from fmfts_simulation.set_up import set_up
 from fmfts_simulation.source import TUMBLE_S, tumbled
 
 PERIOD_NS = 4_545_455
+LIMIT_N, LARGEST_FORCE_SD_N = 1.0, 0.5  # of clients/c/examples/gripper.c
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +73,19 @@ def test_newton_is_known_to_a_tenth_except_for_silicone(
     by_silicone = msgspec.structs.replace(config, tolerance=ToleranceConfig(modulus=0.2, thickness_mm=0.0))
     counted = np.sqrt(np.array(pressed(by_silicone, baseline, place_m))[:, 1] ** 2 - told[:, 1] ** 2)
     assert counted == pytest.approx(np.expm1(0.2) * told[:, 0], rel=0.1)
+
+
+def test_touches_of_the_demo_are_certain_enough_for_the_gripper(demo: tuple[PadConfig, Baseline, list[str]]) -> None:
+    """It opens above 1 N anyway. Below, a force that it calls less certain would keep it open for no reason."""
+    config, baseline, _ = demo
+    source = simulated_pad(config)
+    pipeline: PadPipeline = without_baseline(config, load_contact_model(config))
+    pipeline.use(baseline)
+    told = [pipeline.process(frame) for step in range(20 * 220) for frame in source.poll(step * PERIOD_NS)]
+    light = [one.force_sd_n for one in told if one.force_n is not None and one.force_sd_n and one.force_n <= LIMIT_N]
+    assert sum(one.contact is True for one in told) > 1000
+    assert len(light) > 3000
+    assert max(light) < LARGEST_FORCE_SD_N
 
 
 def test_demo_stores_what_its_daemon_will_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
