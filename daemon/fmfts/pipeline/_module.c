@@ -15,6 +15,8 @@ static const fmfts_field_name MOUNTED[] = FMFTS_NAMES(FMFTS_MOUNTED_PARAMETERS);
 _Static_assert(sizeof(fmfts_parameters) == 0 FMFTS_PARAMETERS(ONE_BYTES, MANY_BYTES), "parameters with gaps");
 _Static_assert(sizeof(fmfts_memory) == 0 FMFTS_MEMORY(ONE_BYTES, MANY_BYTES), "memory with gaps");
 _Static_assert(sizeof(fmfts_followed_memory) == 0 FMFTS_FOLLOWED_MEMORY(ONE_BYTES, MANY_BYTES), "memory with gaps");
+_Static_assert(sizeof(fmfts_calm_room) == 0 FMFTS_CALM_ROOM(ONE_BYTES, MANY_BYTES), "room with gaps");
+_Static_assert(sizeof(fmfts_mounted_parameters) == 0 FMFTS_MOUNTED_PARAMETERS(ONE_BYTES, MANY_BYTES), "parameters with gaps");
 
 #define COUNT(array) (sizeof(array) / sizeof(array)[0])
 

@@ -147,8 +147,8 @@ static inline PyObject *told(fmfts_refusal refusal, double number)
 
 /* _model.c */
 PyObject *fmfts_py_predict(PyObject *module, PyObject *args);
-PyObject *fmfts_py_covariance(PyObject *module, PyObject *args);
 PyObject *fmfts_py_ahead(PyObject *module, PyObject *args);
+PyObject *fmfts_py_covariance(PyObject *module, PyObject *args);
 PyObject *fmfts_py_resultant(PyObject *module, PyObject *args);
 
 /* _poses.c */

@@ -4,8 +4,8 @@
 #include "ordinary.h"
 
 static PyMethodDef methods[] = {
-    FMFTS_METHOD(ahead, "The linear field of a finger that is followed; see ahead.c."),
     FMFTS_METHOD(predict, "What fingers do to the field; see field_model.py."),
+    FMFTS_METHOD(ahead, "The linear field of a finger that is followed; see ahead.c."),
     FMFTS_METHOD(covariance, "How wrong that may be; see field_model.py."),
     FMFTS_METHOD(poses, "Where the magnets of a frame are; see poses.py."),
     FMFTS_METHOD(free_poses, "The same by the field alone; see free_poses.py."),
