@@ -27,6 +27,12 @@ def test_table_has_the_kept_figures(table: Table) -> None:
     assert text == kept_figures.page(text, table), "python -m fmfts_lab.bench tables"
 
 
+def test_presses_on_warm_pads_are_published_within_six_frames() -> None:
+    rows = [row for seeds in kept_figures.kept("warm-presses") for row in seeds]
+    assert all(row["begun"] <= row["published"] for row in rows)
+    assert {row["kelvin"]: row["late_frames"] for row in rows} == {0.0: 0, 10.0: 5, 20.0: 5}
+
+
 def test_pads_within_tolerances_are_seldom_wrong() -> None:
     """With two deviations, 93 to 98 % of the errors in nine of ten rows, and in nine of ten of their places and
     forces."""

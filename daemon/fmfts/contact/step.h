@@ -64,6 +64,7 @@ enum { FMFTS_BINS = 16, FMFTS_RINGS = 8, FMFTS_POSE = FMFTS_NETWORK_POSE, FMFTS_
     ONE(double, touched)                                                                                               \
     ONE(double, quiet_frames)                                                                                          \
     ONE(double, in_contact)                                                                                            \
+    ONE(double, doubtful_frames) /* how many frames old a contact is that is not published yet; 0: none */             \
     ONE(double, recent_moved_s) /* pipeline/recent_rest.c: how long the pose has differed from the recent rest */      \
     MANY(double, recent_change, 5) /* of that rest, since the baseline */                                              \
     MANY(double, recent_ambient_t, 3)                                                                                  \
@@ -114,6 +115,13 @@ bool fmfts_touch(const fmfts_contact_parameters *parameters, fmfts_contact_memor
 
 /* touch.c: updates memory->in_contact, by the estimate of the frame that fmfts_touch judged. */
 void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memory *memory, const fmfts_estimate *estimate);
+
+/* touch.c, after fmfts_press: begins a contact, or goes on with it. was_contact: before this frame. drift_explains: whether offsets that
+ * drift with the warmth may have caused the frame's touch. */
+void fmfts_doubt_drift(fmfts_contact_memory *memory, bool was_contact, bool drift_explains);
+
+/* touch.c: whether the memory's contact is to be published. */
+bool fmfts_is_published(const fmfts_contact_memory *memory);
 
 /* touch.c: a frame without a pose. After some of them the contact is released, and a new one needs an onset. */
 void fmfts_unseen(fmfts_contact_memory *memory);

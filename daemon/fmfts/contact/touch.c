@@ -20,6 +20,8 @@
  * silicone. */
 #define BEYOND_SHARE 0.5
 #define KEPT_SHARE 0.25
+/* Noise of one frame can begin a touch, and that lasts for at most FMFTS_RELEASE_FRAMES. One frame more needs a second cause. */
+#define LASTING_FRAMES (FMFTS_RELEASE_FRAMES + 1)
 /* Where the force is not certain: so much of nearly every press, and of few frames beside a magnet. */
 #define PRESS_SHARE 0.95
 
@@ -80,17 +82,31 @@ void fmfts_press(const fmfts_contact_parameters *parameters, fmfts_contact_memor
     memory->in_contact = !contact ? 0.0 : is_certain ? FMFTS_SURE_FORCE : FMFTS_SURE_PRESS;
 }
 
+/* Offsets that drift far can move the estimate as a light press does, and leave no residual. Noise on top of that drift exceeds the
+ * thresholds for single frames, while a press stays. A mean of the pose would follow both: it would hide slow presses. */
+void fmfts_doubt_drift(fmfts_contact_memory *memory, bool was_contact, bool drift_explains)
+{
+    double frames = was_contact && memory->doubtful_frames == 0.0 ? LASTING_FRAMES : memory->doubtful_frames + 1.0;
+    bool is_doubtful = memory->in_contact != 0.0 && drift_explains && frames < LASTING_FRAMES;
+    memory->doubtful_frames = is_doubtful ? frames : 0.0;
+}
+
+bool fmfts_is_published(const fmfts_contact_memory *memory)
+{
+    return memory->in_contact != 0.0 && memory->doubtful_frames == 0.0;
+}
+
 /* Without this a false contact would follow one gap in a hundred, because one unloaded frame in a hundred is not close to
  * rest. */
 void fmfts_unseen(fmfts_contact_memory *memory)
 {
     memory->quiet_frames = fmin(memory->quiet_frames + 1.0, FMFTS_RELEASE_FRAMES);
     if (memory->quiet_frames == FMFTS_RELEASE_FRAMES) {
-        memory->touched = memory->in_contact = 0.0;
+        memory->touched = memory->in_contact = memory->doubtful_frames = 0.0;
     }
 }
 
 void fmfts_forget_touch(fmfts_contact_memory *memory)
 {
-    memory->touched = memory->quiet_frames = memory->in_contact = 0.0;
+    memory->touched = memory->quiet_frames = memory->in_contact = memory->doubtful_frames = 0.0;
 }

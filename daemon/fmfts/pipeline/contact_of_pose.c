@@ -107,6 +107,23 @@ static void follow_lift(fmfts_pose_memory *memory, bool lifted, bool resting, do
     }
 }
 
+/* Whether offsets that drifted with the warmth may have moved the pose by the frame's change. The estimate weighs all errors best, so
+ * larger ones on each axis widen its covariance by at most their share. */
+static bool drift_explains(const fmfts_pad *pad, const fmfts_frame_work *work)
+{
+    double share = fmfts_hidden_drift_share(&work->step), covariance[FMFTS_MOVED * FMFTS_MOVED], chi2;
+    if (!(share > 0.0)) {
+        return false;
+    }
+    for (int i = 0; i < FMFTS_MOVED; i++) {
+        for (int k = 0; k < FMFTS_MOVED; k++) {
+            double of_pose = work->step.pose.covariance[FMFTS_STEP * i + k];
+            covariance[FMFTS_MOVED * i + k] = work->displacement.at_rest[FMFTS_MOVED * i + k] + share * of_pose;
+        }
+    }
+    return fmfts_chi2_from_rest(FMFTS_MOVED, work->displacement.change, covariance, &chi2) && chi2 < pad->parameters->contact.onset_chi2;
+}
+
 bool fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
 {
     fmfts_memory *memory = work->memory;
@@ -137,6 +154,9 @@ bool fmfts_doubt_contact(const fmfts_pad *pad, fmfts_frame_work *work)
         } else if (!fmfts_compare_recent(pad, work, was_contact)) {
             return false;
         }
+        bool is_recent = memory->contact.in_contact == FMFTS_RECENT_PRESS; /* since a moment before nothing has drifted */
+        bool may_be_drift = memory->contact.in_contact != 0.0 && !is_recent && drift_explains(pad, work);
+        fmfts_doubt_drift(&memory->contact, was_contact, may_be_drift);
         if (memory->contact.touched != 0.0 && work->estimate.over_range && fmfts_has_jumped(&work->step)) {
             fmfts_degrade(verdict, JUMPED);
         }

@@ -29,7 +29,7 @@ OF_SLIP = (
 # showed light presses; nor for how long the ambient field was the Earth's.
 LATER = (
     *(*OF_SLIP, "further_drift", "calm_drift", "blamed"),
-    *("recent_moved_s", "recent_change", "recent_ambient_t", "native_frames"),
+    *("recent_moved_s", "recent_change", "recent_ambient_t", "native_frames", "doubtful_frames"),
 )
 
 # A baseline may be of any age, as after a restart or a replaced cable. In a minute the ambient field walks by 57 µT, as

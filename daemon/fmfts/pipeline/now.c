@@ -126,7 +126,7 @@ static bool is_pressed(const fmfts_pad *pad, const fmfts_memory *memory, const f
                        const fmfts_estimate *estimate)
 {
     double chi2;
-    bool is_certain = memory->contact.in_contact != 0.0 || estimate->doubt < 1.0;
+    bool is_certain = fmfts_is_published(&memory->contact) || estimate->doubt < 1.0;
     bool has_moved = memory->contact.in_contact == FMFTS_RECENT_PRESS || /* recent_rest.c: the change since the baseline hides it */
                      (fmfts_chi2_from_rest(FMFTS_MOVED, displacement->change, displacement->at_rest, &chi2) &&
                       chi2 > pad->parameters->contact.release_chi2);
@@ -139,7 +139,7 @@ static bool tell(const fmfts_pad *pad, fmfts_memory *memory, const fmfts_judged 
 {
     const fmfts_parameters *parameters = pad->parameters;
     fmfts_contact_now *contact = &now->contact;
-    bool touching = memory->contact.in_contact != 0.0;
+    bool touching = fmfts_is_published(&memory->contact);
     double lead_s = (time_us - memory->motion.motion_us) * 1e-6;
     fmfts_displacement displacement;
     fmfts_estimate estimate;
@@ -174,7 +174,7 @@ static bool follow(const fmfts_pad *pad, fmfts_frame_work *work, unsigned fresh,
     const fmfts_parameters *parameters = pad->parameters;
     fmfts_memory *memory = work->memory;
     const fmfts_step *step = &work->step;
-    bool touching = memory->contact.in_contact != 0.0;
+    bool touching = fmfts_is_published(&memory->contact);
     if (!fmfts_drive(&parameters->now, pad->response, pad->response_bytes, touching ? &work->estimate : NULL, judged->drive)) {
         return false;
     }

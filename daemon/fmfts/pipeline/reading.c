@@ -90,7 +90,7 @@ static void read_pose(const fmfts_message_parameters *parameters, const fmfts_st
 static void read_contact(const fmfts_pad *pad, const fmfts_frame_work *work, fmfts_reading *reading)
 {
     const fmfts_estimate *estimate = &work->estimate;
-    bool touching = work->memory->contact.in_contact != 0.0;
+    bool touching = fmfts_is_published(&work->memory->contact);
     reading->estimate = *estimate;
     reading->contact = touching ? FMFTS_IN_CONTACT : FMFTS_NO_CONTACT;
     reading->over_range = reading->tells_force_min = touching && estimate->over_range;

@@ -57,7 +57,7 @@ void fmfts_find_slip(const fmfts_pad *pad, fmfts_frame_work *work, fmfts_reading
     const fmfts_estimate *estimate = &work->estimate;
     fmfts_slip_frame frame = {.elapsed_s = work->step.field.elapsed_s};
     fmfts_response response;
-    bool touching = work->has_estimate && work->memory->contact.in_contact != 0.0;
+    bool touching = work->has_estimate && fmfts_is_published(&work->memory->contact);
     if (!touching || estimate->refused || estimate->over_range || frame.elapsed_s > parameters->contact.longest_gap_s ||
         !pad->response || !fmfts_view_response(pad->response, pad->response_bytes, &response) || response.loads != 3) {
         fmfts_forget_slip(memory);

@@ -139,13 +139,10 @@ double fmfts_lasting_variance(const fmfts_pose_parameters *parameters, const fmf
     return variance + (by_place * by_place + parameters->systematic_t * parameters->systematic_t);
 }
 
-/* Variance of the chips' offset drift since rest, by the last temperature. */
-static double drift_t2(fmfts_step *step)
+static void note_warming(const fmfts_step *step)
 {
     double warmed_k = step->temperature_c - step->parameters->rest_temperature_c;
     step->memory->warmed_k = isnan(warmed_k) ? step->memory->warmed_k : warmed_k;
-    double per_k = step->parameters->offset_t_per_k, warmed = step->memory->warmed_k;
-    return (per_k * per_k + step->memory->further_drift) * warmed * warmed;
 }
 
 /* The variances of one sensor's axes, whose field differs from that at rest. */
@@ -169,7 +166,8 @@ static void add_up(fmfts_step *step, int sensor, double drift_t2)
 void fmfts_subtract(fmfts_step *step)
 {
     const fmfts_pose_parameters *parameters = step->parameters;
-    double drifted_t2 = drift_t2(step);
+    note_warming(step);
+    double drifted_t2 = fmfts_drift_t2(step);
     for (int sensor = 0; sensor < (int)parameters->sensors; sensor++) {
         for (int axis = 3 * sensor; axis < 3 * sensor + 3; axis++) {
             double *field_t = step->field.field_t + axis;

@@ -6,6 +6,22 @@
 static const double FURTHER[] = {0.0, 2.0 * 2.0 - 1.0, 4.0 * 4.0 - 1.0};
 enum { FIGURES = sizeof FURTHER / sizeof FURTHER[0], CALM_JUDGEMENTS = 275 /* 10 s at 220 Hz */ };
 
+double fmfts_drift_t2(const fmfts_step *step)
+{
+    double per_k = step->parameters->offset_t_per_k, warmed = step->memory->warmed_k;
+    return (per_k * per_k + step->memory->further_drift) * warmed * warmed;
+}
+
+double fmfts_hidden_drift_share(const fmfts_step *step)
+{
+    double per_k = step->parameters->offset_t_per_k, warmed = step->memory->warmed_k, least_t2 = INFINITY;
+    double more = FURTHER[FIGURES - 1] * per_k * per_k - step->memory->further_drift;
+    for (int axis = 0; axis < 3 * (int)step->parameters->sensors; axis++) {
+        least_t2 = step->verdict.used[axis] ? fmin(least_t2, step->field.variance_t2[axis]) : least_t2;
+    }
+    return fabs(warmed) > FMFTS_WARMED_K ? more * warmed * warmed / least_t2 : 0.0;
+}
+
 static void let_drift(fmfts_step *step, double further, double added_t2)
 {
     fmfts_pose_memory *memory = step->memory;

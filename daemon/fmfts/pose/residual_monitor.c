@@ -3,10 +3,6 @@
 
 #include "mean_residuals.h"
 
-/* The mean of residuals shows 20 nT, and offsets of chips drift by some 10 nT/K: beyond this change of temperature they
- * may be the cause. */
-#define WARMED_K 5.0
-
 static bool ambient_is_known(const fmfts_pose_parameters *parameters)
 {
     return parameters->part[AMBIENT_COLUMN] == FMFTS_FIXED;
@@ -63,10 +59,10 @@ static void say_suspects(const fmfts_step *step, fmfts_text *reason)
 static void say_warming(const fmfts_step *step, fmfts_text *reason)
 {
     double warmed_k = fabs(step->temperature_c - step->parameters->rest_temperature_c); /* NaN: not known */
-    if (warmed_k > WARMED_K) {
+    if (warmed_k > FMFTS_WARMED_K) {
         fmfts_say(reason,
                   "; or offsets of chips drifted, as the pad is over %g K from its baseline's temperature: record --rest again",
-                  warmed_k - fmod(warmed_k, WARMED_K));
+                  warmed_k - fmod(warmed_k, FMFTS_WARMED_K));
     }
 }
 

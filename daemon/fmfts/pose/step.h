@@ -180,6 +180,13 @@ void fmfts_doubt_beside_steel(fmfts_step *step);
 /* residual_monitor.c: averages the residuals, judges their mean from time to time, and overrules the verdict on the frame. */
 void fmfts_watch_residuals(fmfts_step *step);
 
+/* further_drift.c: the variance of the chips' offset drift since rest, by the last temperature. */
+double fmfts_drift_t2(const fmfts_step *step);
+
+/* further_drift.c: by how much the variance of a pose would grow if offsets had drifted as far since the baseline as a mean may
+ * hide; 0 on a pad that has not warmed. */
+double fmfts_hidden_drift_share(const fmfts_step *step);
+
 /* residual_monitor.c: the sensor that is excluded because its mean residual contradicts the others; negative: none. */
 int fmfts_blamed(const fmfts_pose_memory *memory);
 

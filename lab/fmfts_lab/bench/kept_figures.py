@@ -48,6 +48,7 @@ TABLES = (
     Table("as-built.md", "shipped", kept_rows.shipped),
     Table("silicone.md", "silicone", kept_rows.imperfect),
     Table("silicone.md", "warming", kept_rows.warming),
+    Table("silicone.md", "warm-presses", kept_rows.warm_presses),
     Table("structure.md", "structure", kept_rows.structured),
     Table("structure.md", "tilt", kept_rows.tilted),
     Table("structure.md", "tilt-bare", kept_rows.tilted),

@@ -207,6 +207,22 @@ def warming(rows: Rows) -> str:
     return markdown(columns, lines)
 
 
+def warm_presses(rows: Rows) -> str:
+    """Of light presses on such pads: a row for each place, force and warming, a column for each rate."""
+    places: dict[tuple[float, float, str], list[Sequence[Facts]]] = {}
+    for seeds in rows:
+        first = seeds[0]
+        places.setdefault((first["kelvin"], first["force_n"], first["spot"]), []).append(seeds)
+    lines = []
+    for (kelvin, force_n, spot), rates in places.items():
+        begun = [str(sum(one["begun"] + one["brief"] for one in seeds)) for seeds in rates]
+        published = [part(seeds, "published", "presses") for seeds in rates]
+        late = max(one["late_frames"] for seeds in rates for one in seeds)
+        lines.append((f"{kelvin:.0f} K", f"{force_n:g} N", spot, ", ".join(begun), ", ".join(published), str(late)))
+    columns = ("warmer by", "force", "place", "begun, at 0.05, 0.3 and 3 N/s", "published", "latest, in frames")
+    return markdown(columns, lines)
+
+
 def learned(rows: Rows) -> str:
     """Of boards that nobody measured, beside the same with known places and rotations: without presses, the first row,
     and with them, the second."""

@@ -13,6 +13,7 @@ from fmfts_lab.bench import (
     second_weight,
     silicone,
     structure,
+    warm_presses,
     warming,
     weigh,
 )
@@ -39,6 +40,12 @@ def add_verbs_of_silicone(verbs: argparse._SubParsersAction[argparse.ArgumentPar
     verb.add_argument("--turn", action="store_true", help="after --turn, not after bare and rest alone")
     verb.add_argument("--out", type=Path, help="write the figures there as JSON")
     verb.set_defaults(run=warming.run)
+    verb = verbs.add_parser("warm-presses", help="light presses on such pads: published as contacts, and how late")
+    verb.add_argument("--pads", type=int, default=12, help="how many pads are built, for each row")
+    verb.add_argument("--kelvin", type=float, nargs="+", default=[0.0, 10.0, 20.0])
+    verb.add_argument("--times", type=float, default=3.0, help="of the chip's offset_t_per_k")
+    verb.add_argument("--out", type=Path, help="write the figures there as JSON")
+    verb.set_defaults(run=warm_presses.run)
     verb = verbs.add_parser("long-squeeze", help="creeping silicone: false contacts after 4 N, force of a hold")
     verb.add_argument("--pads", type=int, default=1)
     verb.add_argument("--seconds", type=float, default=600.0, help="how long 4 N press")
