@@ -42,9 +42,9 @@ class Warm(Simulated):
         return self.kelvin
 
 
-def warm_frames(config: PadConfig, seconds: float, kelvin: float = 25.0) -> list[Frame]:
+def warm_frames(config: PadConfig, seconds: float, kelvin: float = 25.0, mounted: bool = True) -> list[Frame]:
     source = Warm(config)
-    source.finger, source.kelvin = no_finger, kelvin
+    source.finger, source.kelvin, source.mounted = no_finger, kelvin, mounted
     return [frame for step in range(round(seconds * 220)) for frame in source.poll(step * PERIOD_NS)]
 
 
@@ -96,6 +96,36 @@ def test_warm_pad_has_larger_deviations_for_offset_drift() -> None:
     noise_m, without_m = heights_m(0.0)
     drifted_m = np.sqrt(heights_m(2e-7)[1] ** 2 - without_m**2)
     assert 25.0 < drifted_m / noise_m < 35.0
+
+
+def reasons(assumed_t_per_k: float, kelvin: float, mounted: bool) -> set[tuple[str, str | None]]:
+    """Health and reason of 22 frames of a pad whose chips' offsets are assumed to drift so far, in a drifting scene."""
+    config = config_of(5, ambient="drifting")
+    tracking = replace(tracking_model_for(config.scene, config.magnet).tracking, offset_t_per_k=assumed_t_per_k)
+    pipeline = PadPipeline(config.pad(), ContactModel.load("default", config.pad()), "boot", 220.0, tracking)
+    pipeline.use(simulated_baseline(config))
+    messages = [pipeline.process(frame) for frame in warm_frames(config, 0.1, kelvin, mounted)]
+    return {(message.health, message.reason) for message in messages}
+
+
+@pytest.mark.parametrize(("kelvin", "words"), [(25.0, "25 K warmer"), (-30.0, "30 K colder")])
+def test_too_large_drift_asks_for_a_new_baseline(kelvin: float, words: str) -> None:
+    """400 nT/K leave a place that is known to 1.04 mm at 25 K. The pad is mounted, so its mounting is not doubted."""
+    said = (
+        f"the pad is {words} than at its baseline, and its chips' offsets may have drifted too far for a pose that is "
+        "known to 1 mm: record `fmfts-daemon baseline --rest` at this temperature"
+    )
+    assert reasons(4e-7, kelvin, mounted=True) == {("lost", said)}
+    assert reasons(3e-7, 25.0, mounted=True) == {("ok", "")}, "0.87 mm"
+
+
+@pytest.mark.parametrize("assumed_t_per_k", [0.0, 4e-7, 2e-6])
+def test_missing_magnet_of_warm_pad_is_no_drift(assumed_t_per_k: float) -> None:
+    ((health, reason),) = reasons(assumed_t_per_k, 25.0, mounted=False)
+    assert health == "lost"
+    assert reason is not None
+    assert "is the pad mounted" in reason
+    assert "drifted" not in reason
 
 
 @pytest.mark.parametrize("missing", [range(40, 130), range(70), range(130)], ids=["later", "at first", "throughout"])

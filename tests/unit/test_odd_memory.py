@@ -38,7 +38,7 @@ ASKED = {"slip": "sheared", "posture": "healthy"}  # memories of these worlds, w
 AFTER = 3  # frames
 OUTSIDE: dict[str, Any] = {
     "found_sensor": (4, -2, 1 << 40), "heard": (16, -1), "suspects": (1 << 62, -(1 << 63)), "searched_sensors": (16,),
-    "searched": (5, -1), "explained": (1 << 12,), "time_us": (1 << 51, -(1 << 63)), "number": (2**63 - 1,),
+    "searched": (6, -1), "explained": (1 << 12,), "time_us": (1 << 51, -(1 << 63)), "number": (2**63 - 1,),
     "stood_ns": (-(1 << 63),), "repeats": (2**63 - 1,), "blamed": (41, -1, 1 << 61),
     "native_frames": (45, -1, 1 << 60),
 }  # fmt: skip

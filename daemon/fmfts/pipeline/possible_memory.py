@@ -14,7 +14,7 @@ from fmfts.pose.sighting import Sighting, SightingMemory
 MICROSECONDS = Range(-(2.0**50), 2.0**50, "time of a board in µs")
 WHOLE = Range(-(2.0**61), 2.0**61, "time in ns, or count")
 LOOKS = Range(0, 2**12 - 1, "frames that ambient_motion.c looked at")
-CAUSES = Range(0, 4, "cause that fault_search.c finds")
+CAUSES = Range(0, 5, "cause that fault_search.c finds")
 NATIVE = Range(0, _pad.TRUSTED_FRAMES, "number of frames that tracker.c counts")
 BLAMED = Range(0, 40, "frames until alternating.c forgets a blamed sensor")  # else it stays blamed for ever
 

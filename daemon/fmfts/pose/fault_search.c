@@ -1,5 +1,6 @@
 /* Finds why a frame does not fit: excludes one faulty sensor, or reports other possible causes. */
 #include "../arithmetic/elementary.h"
+#include "limits.h"
 #include "model.h"
 #include "tracking.h"
 
@@ -74,16 +75,41 @@ static void blame(const fmfts_attempt *attempt, const fmfts_solved *whole, const
     fmfts_accept(step, attempt->prior, &found->without_last);
 }
 
+/* Whether the drift of offsets alone leaves the pose unknown: without its variance there is a pose, and with it that pose fits. */
+static bool has_drifted(const fmfts_attempt *attempt)
+{
+    fmfts_step undrifted = *attempt->step;
+    fmfts_attempt without_drift = *attempt;
+    fmfts_solved solved;
+    double drift_t2 = fmfts_drift_t2(attempt->step), most_share = 0.0;
+    if (!(drift_t2 > 0.0)) {
+        return false;
+    }
+    for (int axis = 0; axis < 3 * (int)undrifted.parameters->sensors; axis++) {
+        double *variance_t2 = undrifted.field.variance_t2 + axis, with_drift_t2 = *variance_t2;
+        *variance_t2 -= drift_t2;
+        most_share = fmax(most_share, *variance_t2 / with_drift_t2);
+    }
+    without_drift.step = &undrifted;
+    fmfts_solve_frame(&without_drift, &solved);
+    solved.chi2 *= most_share; /* with the drift it is at most this */
+    return fmfts_fits(undrifted.parameters, &solved, fmfts_strongest(undrifted.parameters));
+}
+
 /* The verdict if neither a pose nor a single sensor explains the frame. Two faulty sensors of four look like a foreign
  * field, and so does one of three. */
-static fmfts_cause cause_of(const fmfts_pose_parameters *parameters, const fmfts_solved *whole, const fmfts_solved *foreign,
+static fmfts_cause cause_of(const fmfts_attempt *attempt, const fmfts_solved *whole, const fmfts_solved *foreign,
                             const suspicion *found)
 {
+    const fmfts_pose_parameters *parameters = attempt->step->parameters;
     if (found->count > 0) {
         return found->count == 1 ? FMFTS_NOT_CONFIRMED : FMFTS_SENSOR_AT_FAULT;
     }
     bool explains = fmfts_fits(parameters, foreign, FMFTS_LOG_MOMENT_REACH);
-    return explains || fmfts_has_plausible_pose(parameters, whole, FMFTS_LOG_MOMENT_REACH) ? FMFTS_NOT_ALONE : FMFTS_NO_POSE;
+    if (explains || fmfts_has_plausible_pose(parameters, whole, FMFTS_LOG_MOMENT_REACH)) {
+        return FMFTS_NOT_ALONE;
+    }
+    return has_drifted(attempt) ? FMFTS_DRIFTED : FMFTS_NO_POSE;
 }
 
 static void say_suspects(const fmfts_step *step, fmfts_text *reason)
@@ -116,6 +142,15 @@ static void say_not_alone(const fmfts_step *step, unsigned whole, fmfts_text *re
     fmfts_say(reason, ", and %s; or another sensor is wrong (run selftest)", alone);
 }
 
+static void say_drifted(const fmfts_step *step, fmfts_text *reason)
+{
+    double warmed_k = step->memory->warmed_k;
+    fmfts_say(reason,
+              "the pad is %.0f K %s than at its baseline, and its chips' offsets may have drifted too far for a pose that is "
+              "known to %.0f mm: record `fmfts-daemon baseline --rest` at this temperature",
+              fabs(warmed_k), warmed_k > 0.0 ? "warmer" : "colder", FMFTS_VAGUE_M * 1e3);
+}
+
 /* The verdict by the last search. */
 static void say_cause(fmfts_step *step, unsigned whole)
 {
@@ -132,6 +167,9 @@ static void say_cause(fmfts_step *step, unsigned whole)
         break;
     case FMFTS_NO_POSE:
         fmfts_say(reason, "no pose of this magnet explains the field: is the pad mounted, and is the magnet whole?");
+        break;
+    case FMFTS_DRIFTED:
+        say_drifted(step, reason);
         break;
     case FMFTS_NOT_ALONE:
         step->verdict.health = FMFTS_DISTURBED;
@@ -190,7 +228,7 @@ void fmfts_explain(const fmfts_attempt *attempt, const fmfts_solved *whole)
             blame(attempt, whole, &found);
             return;
         }
-        memory->searched = cause_of(step->parameters, whole, &foreign, &found);
+        memory->searched = cause_of(attempt, whole, &foreign, &found);
         memory->searched_sensors = found.sensors;
     }
     memory->disturbed_frames++;

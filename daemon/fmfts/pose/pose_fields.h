@@ -83,9 +83,9 @@ enum {
     MANY(double, pad_turn, 9)
 
 /* The cause of the last unexplained frame: no search; one of several sensors is faulty; no pose of this magnet; a
- * foreign field; one sensor is faulty, or the field has turned. */
+ * foreign field; one sensor is faulty, or the field has turned; offsets may have drifted too far for a pose. */
 typedef enum {
-    FMFTS_NOT_SEARCHED, FMFTS_SENSOR_AT_FAULT, FMFTS_NO_POSE, FMFTS_NOT_ALONE, FMFTS_NOT_CONFIRMED
+    FMFTS_NOT_SEARCHED, FMFTS_SENSOR_AT_FAULT, FMFTS_NO_POSE, FMFTS_NOT_ALONE, FMFTS_NOT_CONFIRMED, FMFTS_DRIFTED
 } fmfts_cause;
 
 /* What one frame leaves to the next. Arrays over sensors hold only the pad's sensors, one after the other. A mask has bit i
