@@ -30,7 +30,7 @@ def test_table_has_the_kept_figures(table: Table) -> None:
 def test_presses_on_warm_pads_are_published_within_six_frames() -> None:
     rows = [row for seeds in kept_figures.kept("warm-presses") for row in seeds]
     assert all(row["begun"] <= row["published"] for row in rows)
-    assert {row["kelvin"]: row["late_frames"] for row in rows} == {0.0: 0, 10.0: 5, 20.0: 5}
+    assert all(row["late_frames"] <= (5 if row["kelvin"] else 0) for row in rows)
 
 
 def test_pads_within_tolerances_are_seldom_wrong() -> None:
