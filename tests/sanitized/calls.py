@@ -65,31 +65,21 @@ def missing(parts: tuple[Any, ...], frame: tuple[Any, ...]) -> dict[int, str]:
     return pad.missing()
 
 
-def told_of_several(
-    parts: tuple[Any, ...],
-    frame: tuple[Any, ...],
-    told: tuple[Any, ...],
-) -> bytes:
-    """A frame of several magnets, that Python judged."""
-    pad = _pad.Pad(*parts)
-    pad.align(*frame)
-    return pad.tell(*told)
-
-
-def calm(
+def several(
     parts: tuple[Any, ...],
     bound: tuple[Any, ...],
     frame: tuple[Any, ...],
-    calls: tuple[tuple[Any, ...], tuple[Any, ...]],
+    judged: tuple[Any, ...],
+    told: tuple[Any, ...],
     early: tuple[Any, ...],
 ) -> tuple[Any, ...]:
-    """A frame of several magnets, that C judged, a finger that is followed, and a sample before the next frame."""
+    """A frame of several magnets: C judges it; Python does, which finds a finger ahead; and a sample comes after it."""
     pad = _pad.Pad(*parts)
     pad.bind(*bound)
     pad.align(*frame)
-    judged, follow = calls
-    told = pad.calm(*judged)
-    return *told, pad.follow(*follow), pad.follow_early(bound[-2], *early)
+    calm = pad.calm(*judged)
+    *words, ahead = told
+    return *calm, *pad.tell(*told), *pad.tell(*words, ahead or bound[1]), pad.follow_early(*early)
 
 
 @ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
@@ -108,7 +98,7 @@ def lent(
     return loop.take(descriptor, line, arrival_ns), pad.last_ns(), loop.end(descriptor), pad.end(), pad.last
 
 
-for function in (judged, followed, absent, missing, lent, told_of_several, calm):
+for function in (judged, followed, absent, missing, lent, several):
     setattr(PADS, function.__name__, function)
 
 MODULES: dict[str, ModuleType] = {
@@ -419,19 +409,19 @@ def _followed(_: np.random.Generator) -> None:
     for count in (20, 88):  # untouched, and a finger
         for frame in frames(count, tapping):
             buffers = tuple(bytearray(part.buffer.tobytes()) for part in (made.parameters, made.memory))
-            bound = kept(pipeline._calm.bound)
+            bound = kept(made.bound)
             pipeline.answer(frame)
         pipeline.early(EarlySample(frame.pad_index, 1, frame.device_time_us + 2000, frame.gain_code, (100, -200, 50)))
         pad = *buffers, None, None, words, bytearray(made._unseen.tobytes()), ()
-        early = noted.get("follow_early", (b"", 1, 0, 100, -200, 50, 10))
+        early = noted.get("follow_early", (1, 0, 100, -200, 50, 10, None))
         if count == 88:  # the first of these writes to the pad's memory
-            PADS.calm(pad, bound, noted["align"], (noted["calm"], noted["follow"]), early[1:])
-            PADS.told_of_several(pad, noted["align"], noted["tell"])
-            model = pipeline._followed._estimator.fitter.model
-            finger, _, *fields = (np.frombuffer(each) for each in noted["follow"][3])
-            values = len(fields[0])
+            PADS.several(pad, bound, noted["align"], noted["calm"], noted["tell"], early)
+            model, values = pipeline._followed._estimator.fitter.model, made.parameters.integer("sensors") * 3
+            finger = made.found["fingers"][:3]
+            fields = (made.found[name][:values] for name in ("change_t", "noise_t", "misfit_t"))
+            others = made.found["slope_t"][: 3 * values], made.found["ambient_t"]
             rooms = np.zeros(values), finger + 0.1, np.array([1.0, 0.2]), np.empty(values), np.empty(3 * values)
-            _several.ahead(model.packed, model.work, finger, *fields, *rooms)
+            _several.ahead(model.packed, model.work, finger, *fields, *others, *rooms)
 
 
 def _neighbours(_: np.random.Generator) -> None:

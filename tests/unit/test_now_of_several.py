@@ -172,8 +172,7 @@ def test_only_new_sample_that_a_finger_may_have_changed_is_looked_at() -> None:
 
     def is_looked_at(change_t: float, later_us: int) -> bool:
         counts, time_us = (x + round(change_t / step_t), y, z), sample.device_time_us + later_us
-        memory, compiled = made._followed._buffer, made._frames.compiled  # type: ignore[union-attr]
-        return compiled.follow_early(memory, sample.sensor, sample.gain_code, *counts, time_us) is True
+        return made._frames.compiled.follow_early(sample.sensor, sample.gain_code, *counts, time_us, None) is True
 
     assert is_looked_at(2e-5, 4500)
     assert not is_looked_at(5e-7, 4500)  # noise
@@ -201,12 +200,13 @@ def test_mains_beside_an_untouched_pad_are_hardly_ever_a_finger() -> None:
 
 def test_mains_beside_an_untouched_pad_are_looked_at_about_once_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """50 Hz of 2 µT change most of the 8 samples since a frame by more than noise does; all of those were looked at."""
-    made, looked = ready(EARLY_S), list[int]()
+    made, looked = ready(EARLY_S), list[bool]()
     look_ahead = FollowedFinger._look_ahead
 
-    def counted(followed: FollowedFinger, time_us: int) -> None:
-        looked.append(time_us)
-        look_ahead(followed, time_us)
+    def counted(followed: FollowedFinger) -> memoryview | None:
+        found = look_ahead(followed)
+        looked.append(found is not None)
+        return found
 
     monkeypatch.setattr(FollowedFinger, "_look_ahead", counted)
     for_samples, some = 0, [beside_mains(quiet, 2e-6) for quiet in frames(150)]

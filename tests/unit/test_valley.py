@@ -107,7 +107,7 @@ def test_message_has_the_wider_deviations_of_each_finger() -> None:
     assert reading.fit is not None
     frames = SeveralFrames(estimator.pad, 220.0, "boot", "model")
     frames.use(estimator, None)
-    contacts = frames.message(reading, None, False).message.contacts
+    contacts = frames.message(reading, None)[0].message.contacts
     assert isinstance(contacts, list)
     told = np.array([[finger.x_sd_m * 1e3, finger.y_sd_m * 1e3] for finger in contacts])
     np.testing.assert_allclose(told, deviation_of_each(reading, reading.fit)[:, :2])

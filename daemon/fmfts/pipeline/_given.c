@@ -187,7 +187,7 @@ void fmfts_release(fmfts_given *given)
     PyBuffer_Release(&given->own);
     PyBuffer_Release(&given->hand);
     PyBuffer_Release(&given->errors);
-    fmfts_give_back(given->calm, FMFTS_CALM_BUFFERS);
+    fmfts_give_back(given->bound, FMFTS_BOUND);
     for (int i = 0; i < FMFTS_FELT; i++) {
         PyBuffer_Release(&given->neighbour[i]);
     }

@@ -6,7 +6,7 @@
 static const fmfts_field_name PARAMETERS[] = FMFTS_NAMES(FMFTS_PARAMETERS);
 static const fmfts_field_name MEMORY[] = FMFTS_NAMES(FMFTS_MEMORY);
 static const fmfts_field_name FOLLOWED[] = FMFTS_NAMES(FMFTS_FOLLOWED_MEMORY);
-static const fmfts_field_name CALM[] = FMFTS_NAMES(FMFTS_CALM_ROOM);
+static const fmfts_field_name FOUND[] = FMFTS_NAMES(FMFTS_FRAME_FOUND);
 static const fmfts_field_name MOUNTED[] = FMFTS_NAMES(FMFTS_MOUNTED_PARAMETERS);
 
 /* Fields and inner structs have no padding: one flat NumPy record describes them. */
@@ -15,7 +15,7 @@ static const fmfts_field_name MOUNTED[] = FMFTS_NAMES(FMFTS_MOUNTED_PARAMETERS);
 _Static_assert(sizeof(fmfts_parameters) == 0 FMFTS_PARAMETERS(ONE_BYTES, MANY_BYTES), "parameters with gaps");
 _Static_assert(sizeof(fmfts_memory) == 0 FMFTS_MEMORY(ONE_BYTES, MANY_BYTES), "memory with gaps");
 _Static_assert(sizeof(fmfts_followed_memory) == 0 FMFTS_FOLLOWED_MEMORY(ONE_BYTES, MANY_BYTES), "memory with gaps");
-_Static_assert(sizeof(fmfts_calm_room) == 0 FMFTS_CALM_ROOM(ONE_BYTES, MANY_BYTES), "room with gaps");
+_Static_assert(sizeof(fmfts_frame_found) == 0 FMFTS_FRAME_FOUND(ONE_BYTES, MANY_BYTES), "record with gaps");
 _Static_assert(sizeof(fmfts_mounted_parameters) == 0 FMFTS_MOUNTED_PARAMETERS(ONE_BYTES, MANY_BYTES), "parameters with gaps");
 
 #define COUNT(array) (sizeof(array) / sizeof(array)[0])
@@ -38,7 +38,7 @@ static int set_up(PyObject *module)
     return !loop_type || fmfts_add_fields(module, "PARAMETERS", PARAMETERS, COUNT(PARAMETERS)) < 0 ||
                    fmfts_add_fields(module, "MEMORY", MEMORY, COUNT(MEMORY)) < 0 ||
                    fmfts_add_fields(module, "FOLLOWED", FOLLOWED, COUNT(FOLLOWED)) < 0 ||
-                   fmfts_add_fields(module, "CALM", CALM, COUNT(CALM)) < 0 ||
+                   fmfts_add_fields(module, "FOUND", FOUND, COUNT(FOUND)) < 0 ||
                    fmfts_add_fields(module, "MOUNTED", MOUNTED, COUNT(MOUNTED)) < 0 ||
                    PyModule_AddIntConstant(module, "FELT", FMFTS_FELT) < 0 ||
                    PyModule_AddIntConstant(module, "STATE", FMFTS_STATE) < 0 ||

@@ -10,12 +10,12 @@
 enum {
     FMFTS_CHANGES = 8,   /* number of changes that may wait for Python */
     FMFTS_TALLIED = 256, /* the most frames before Python must look */
-    FMFTS_CALM_BUFFERS = 9, /* of Pad.bind */
+    FMFTS_BOUND = 9,     /* arrays of Pad.bind */
 };
 
 /* Python's objects, held as long as the pad. */
 typedef struct {
-    Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT], hand, errors, calm[FMFTS_CALM_BUFFERS];
+    Py_buffer parameters, memory, response, own, neighbour[FMFTS_FELT], hand, errors, bound[FMFTS_BOUND];
     fmfts_model_given model;
     PyObject *words;
     int neighbours;
@@ -59,8 +59,7 @@ typedef struct {
     /* Of several magnets: the last frame's samples at one instant, of which sensors it has one, and a new one; what `bind` gave. */
     fmfts_field aligned;
     unsigned valid, fresh;
-    fmfts_calm calm;
-    bool is_bound;
+    fmfts_bound bound;
     bool is_lent, is_unsent; /* is_unsent: the message is one of the bus's unsent ones */
 } fmfts_pad_object;
 
@@ -102,15 +101,26 @@ PyObject *fmfts_written(fmfts_pad_object *self);
 /* _pad.c: 0 and ValueError if the frame is not this pad's. */
 int fmfts_is_of(const fmfts_pad_object *self, const fmfts_frame *frame, Py_ssize_t readings_bytes);
 
-/* _fingers.c: whether such parameters are of so many magnets, and have room. False and ValueError if not. */
-bool fmfts_fits_mounted(const fmfts_mounted_parameters *mounted, double magnets);
+/* _calm.c: whether `bind` gave what the message of a frame needs; what a calm frame needs, too. False and ValueError if not. */
+bool fmfts_is_bound(const fmfts_pad_object *self);
+bool fmfts_is_bound_to_model(const fmfts_pad_object *self);
+
+/* _calm.c: `now` of the last frame. from: its one finger, or one in its newest samples, or in a sample since then, of time_us; NULL:
+ * nothing presses. places: the frame itself has it. False and ValueError where it is nowhere. */
+bool fmfts_follow_one(fmfts_pad_object *self, bool places, const fmfts_frame_found *from, int64_t time_us);
+
+/* _calm.c: `now` of the frame that is found, if it has one. ahead: what its newest samples show where it is untouched; NULL: nothing. */
+bool fmfts_follow_found(fmfts_pad_object *self, const fmfts_frame_found *ahead);
+
+/* _fingers.c: the message of the frame that is found, and whether it has a `now`; its health, reason and temperature are in the reading.
+ * NULL with an exception. */
+PyObject *fmfts_told(fmfts_pad_object *self, const fmfts_frame_found *ahead);
 
 /* _calm.c, _fingers.c: methods of a Pad with several magnets. */
 PyObject *fmfts_pad_bind(PyObject *self, PyObject *args);
 PyObject *fmfts_pad_calm(PyObject *self, PyObject *args);
 PyObject *fmfts_pad_align(PyObject *self, PyObject *args);
 PyObject *fmfts_pad_tell(PyObject *self, PyObject *args);
-PyObject *fmfts_pad_follow(PyObject *self, PyObject *args);
 PyObject *fmfts_pad_follow_early(PyObject *self, PyObject *args);
 
 /* _pad.c: judges a frame, and writes its message. False if a number of it is not finite, or with an exception that the contact

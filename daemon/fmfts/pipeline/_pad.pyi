@@ -15,7 +15,7 @@ Field = tuple[str, str, int]  # name, type as NumPy names it, and how many; 0: o
 PARAMETERS: list[Field]  # of fmfts_parameters
 MEMORY: list[Field]  # of fmfts_memory
 FOLLOWED: list[Field]  # of fmfts_followed_memory
-CALM: list[Field]  # of fmfts_calm_room
+FOUND: list[Field]  # of fmfts_frame_found
 MOUNTED: list[Field]  # of fmfts_mounted_parameters
 FELT: int  # magnets of neighbouring pads, at most
 STATE: int  # numbers of a state, and of a step
@@ -24,10 +24,6 @@ TRUSTED_FRAMES: int  # FMFTS_TRUSTED_FRAMES of pose/tracking.h
 
 # health, contact, over_range, t_sample_ns, t_publish_ns of a message.
 Gist = tuple[Health, bool | None, bool, bool, int, int]
-# Whether they are beyond the table; numbers; place and force, covariance, shear and its deviation, least variance.
-Fingers = tuple[bool, tuple[int, ...], Numbers, Numbers, Numbers, Numbers, Numbers | None]
-# Positions, axes, variances of the change since rest, residuals, χ², and the change of the ambient field.
-Magnets = tuple[Numbers, Numbers, Numbers, Numbers, float, Numbers | None]
 # See encoded.py.
 Passed = tuple[int, int, int, int, int, int, int, bytes, tuple[bytes, ...], list[float]]
 
@@ -116,23 +112,9 @@ class Pad:
     def missing(self) -> dict[int, str]:
         """Sensor (from 0) → why the last frame could not use it."""
 
-    def tell(
-        self,
-        health: str,
-        reason: str,
-        temperature_c: float,
-        has_now: bool,
-        mounted: Buffer,
-        used: Numbers,
-        more: bool,
-        contact: int,
-        displacement: tuple[float, float],
-        fingers: Fingers | None,
-        magnets: Magnets | None,
-        /,
-    ) -> bytes:
-        """The message of a frame of several magnets, which Python judged: fingers.h. has_now: `follow` made it.
-        contact: −1: not known. displacement: NaN: not told.
+    def tell(self, health: str, reason: str, temperature_c: float, ahead: Buffer | None, /) -> tuple[bytes, bool]:
+        """The message of what the record of FOUND says of a frame, and whether it has a `now`. ahead: such a record of
+        the finger that the newest samples of an untouched frame show; None: they show none.
 
         ArithmeticError if a number of its message is not finite.
         """
@@ -160,22 +142,11 @@ class Pad:
         Returns time_us, is_old, began_anew and leap_us of Aligned, and whether every axis has a field.
         """
 
-    def bind(
-        self,
-        model: Numbers,
-        search: Numbers,
-        work: Numbers,
-        limits: Numbers,
-        rest: Numbers,
-        untouched: Numbers,
-        mounted: Buffer,
-        followed: Buffer,
-        room: Buffer,
-        /,
-    ) -> None:
-        """Take what `calm` and `follow` need, and hold it: of FieldModel and Fitter, and FingersEstimator's calm_limits
-        and rest_samples; of the magnets at rest their positions, axes and variances, and by how much each sample must
-        change until a finger is looked for in it; records of MOUNTED, FOLLOWED and CALM."""
+    def bind(self, mounted: Buffer, found: Buffer, calm: tuple[Buffer | Numbers, ...], /) -> None:
+        """Take what `tell` needs, records of MOUNTED and FOUND, and hold it; and what `calm` and `follow_early` need,
+        or (): model, search and work of FieldModel and Fitter; FingersEstimator's calm_limits and rest_samples; of the
+        magnets at rest their positions, axes and variances, and by how much each sample must change until a finger is
+        looked for in it; a record of FOLLOWED."""
 
     def calm(
         self,
@@ -191,20 +162,15 @@ class Pad:
         """The message of the aligned frame, if the last one's fingers explain it, and whether it has a `now`. count,
         places, ids: of CounterMemory; around_t, recent_t (written), factors: of since_rest.py.
 
-        Else what Python needs for a closer look: whether the field jumped; whether the record of CALM has a fit; its χ²
-        and flags.
+        Else what Python needs for a closer look: whether the field jumped; whether the record of FOUND has a fit; its
+        χ² and flags.
         """
 
-    def follow(self, places: bool, time_us: int, moment: float, found: tuple[Numbers, ...], /) -> bool:
-        """Whether the aligned frame's message has a `now`. found: fingers, covariance, change_t, noise_t, misfit_t,
-        slope_t and ambient_t of the Fit of one finger, in a sample of time_us; (): nothing presses. places: the frame
-        itself has the finger."""
-
     def follow_early(
-        self, memory: Buffer, sensor: int, gain_code: int, x: int, y: int, z: int, time_us: int, /
+        self, sensor: int, gain_code: int, x: int, y: int, z: int, time_us: int, ahead: Buffer | None, /
     ) -> bytes | Literal[True] | None:
         """The last message with what a sample says that came before its frame; None: it has no news; True: nothing
-        pressed in the last frame, and now a finger may."""
+        pressed in the last frame, and now a finger may. ahead: as of `tell`, with this sample."""
 
     def begin(self, clock: Buffer, topic: bytes, pad_index: int, overdue_ns: int, /) -> None:
         """Until `end`, a Loop judges the frames, whatever their health.

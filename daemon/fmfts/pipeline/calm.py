@@ -6,10 +6,9 @@ from math import prod
 
 import numpy as np
 
-from fmfts.common.record import Record
 from fmfts.pad import Array
-from fmfts.pipeline import _pad
 from fmfts.pipeline.finger import SURE_DEVIATIONS
+from fmfts.pipeline.several_frames import SeveralFrames
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import FINGER
 from fmfts.several.fit import Fit
@@ -18,25 +17,22 @@ from fmfts.several.reading import FingersReading, Seen
 
 
 class CalmFrames:
-    """For one pad with its baseline. compiled: its pad in C, which is bound here; the rest as Pad.bind has it."""
+    """For one pad with its baseline. frames: of its C, which is bound here. followed: a record of FOLLOWED."""
 
-    def __init__(
-        self, estimator: FingersEstimator, compiled: _pad.Pad, mounted: memoryview, followed: memoryview
-    ) -> None:
+    def __init__(self, estimator: FingersEstimator, frames: SeveralFrames, followed: memoryview) -> None:
         fitter, mounting = estimator.fitter, estimator.mounting
-        self._estimator, self._compiled, self._room = estimator, compiled, Record(_pad.CALM)
+        self._estimator, self._compiled, self._found = estimator, frames.compiled, frames.found
         magnets, sure_t = mounting.magnets, SURE_DEVIATIONS * mounting.noise_t
         rest = magnets.position_m, magnets.axis, estimator.unfelt_variance, sure_t
         untouched = np.concatenate([np.ravel(each) for each in rest])
         limits, samples = estimator.calm_limits, estimator.rest_samples
         given = fitter.model.packed, fitter.search, fitter.model.work, limits, samples, untouched
-        self.bound = *given, mounted, followed, self._room.buffer
-        compiled.bind(*self.bound)
+        frames.bind(*given, followed)
         values = mounting.noise_t.size
-        names = "change_t", "variance_t2", "there", "misfit_t", "noise_t"
-        change, variance, there, self._misfit_t, self._noise_t = (self._room[name][:values] for name in names)
-        self.measured = Measured(change, variance, there.view(np.bool_))
-        self._ambient_t, self.has_now = self._room["ambient_t"], False
+        names = "change_t", "variance_t2", "used", "misfit_t", "noise_t"
+        change, variance, used, self._misfit_t, self._noise_t = (self._found[name][:values] for name in names)
+        self.measured = Measured(change, variance, used.view(np.bool_))
+        self._ambient_t, self.has_now = self._found["ambient_t"], False
 
     def payload(self, temperature_c: float) -> bytes | Seen:
         """The message; or what is known of a frame that needs a closer look."""
@@ -59,7 +55,7 @@ class CalmFrames:
         return Seen(self.measured, has_jumped, self._fit(chi2, flags) if has_fit else None)
 
     def _places(self, count: int) -> Array:
-        return self._room["fingers"][: FINGER * count].reshape(count, FINGER)
+        return self._found["fingers"][: FINGER * count].reshape(count, FINGER)
 
     def _fit(self, chi2: float, flags: int) -> Fit:
         """Of the last frame, as long as there is no other one."""
@@ -67,7 +63,7 @@ class CalmFrames:
         unknowns = FINGER * count
 
         def part(name: str, *shape: int) -> Array:
-            return self._room[name][: prod(shape)].reshape(shape)
+            return self._found[name][: prod(shape)].reshape(shape)
 
         return Fit(
             self._places(count),

@@ -15,6 +15,7 @@ from fmfts.common.record import Record, Values
 from fmfts.contact.drive import drive_power
 from fmfts.pad import Array
 from fmfts.pipeline import _pad
+from fmfts.pipeline.found import put_fit
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.parameters import MODE_WEIGHTS
 from fmfts.pipeline.possible_memory import require_possible
@@ -24,8 +25,8 @@ from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 from fmfts.several.appearing import Appearing
 from fmfts.several.estimator import FingersEstimator
-from fmfts.several.fit import Fit, Measured
-from fmfts.several.reading import FingersReading
+from fmfts.several.fit import Measured
+from fmfts.several.reading import FingersReading, PosesReading
 
 NOT_KNOWN = -1.0
 # A finger is looked for in the newest samples where one of them has changed by so much since the frame's instant.
@@ -53,7 +54,7 @@ class FollowedFinger:
         self._estimator, self._mounting, self._compiled = estimator, mounting, compiled
         self._appearing = Appearing(estimator)
         self._sensors = len(pad.sensors)
-        self._memory = Record(_pad.FOLLOWED)
+        self._memory, self._found = Record(_pad.FOLLOWED), Record(_pad.FOUND)
         walk = np.zeros(_pad.STEP)
         walk[AMBIENT] = scene.ambient_walk_t2_per_s
         values = mounting.noise_t.size
@@ -83,7 +84,6 @@ class FollowedFinger:
         # how much later than the frame's instant they were taken (N,).
         self._last: tuple[Measured, Array, Array, Array]
         self._instant_us = 0
-        self._ahead: bool | None = None  # `now` of a finger that a look found; None: it found none
 
     @property
     def memory(self) -> FollowedMemory:
@@ -110,34 +110,19 @@ class FollowedFinger:
         self._last = measured, aligned.field_t, newest_t, passed_us
         self._looked_chi2, self._largest_chi2 = 0.0, [*self._largest_chi2[1:], 0.0]
 
-    def after(self, reading: FingersReading, aligned: Aligned, frame: Frame, newest_t: Array) -> bool:
-        """Whether C knows the contact when the message of a frame is published. newest_t (N, 3): its
-        samples."""
-        fit = reading.fit
-        measured = reading.measured
-        if (
-            fit is None
-            or measured is None
-            or reading.health != "ok"
-            or reading.over_range
-            or len(fit.fingers) > 1
-            or aligned.leap_us
-        ):
-            self.forget()
-            return False
-        if len(fit.fingers):
-            return self._follow(True, measured, fit, frame.device_time_us)
-        self.rests(measured, aligned, frame, newest_t)
-        self._ahead = None
-        if (np.abs(newest_t - aligned.field_t) > self._sure_t).any():
-            self._looked_chi2 = self._newer_chi2()
-            self._look_ahead(frame.device_time_us)
-        return self._compiled.follow(False, 0, 1.0, ()) if self._ahead is None else self._ahead
-
-    def _follow(self, places: bool, measured: Measured, fit: Fit, time_us: int) -> bool:
-        """places: the frame itself has the finger."""
-        found = fit.fingers, fit.covariance, measured.field_t, fit.noise_t, fit.misfit_t, fit.slope_t, fit.ambient_t
-        return self._compiled.follow(places, time_us, self._estimator.moment, found)
+    def ahead(
+        self, reading: FingersReading | PosesReading, aligned: Aligned, frame: Frame, newest_t: Array
+    ) -> memoryview | None:
+        """Of a frame in which nothing presses: the finger that its newest samples (N, 3) show, for Pad.tell."""
+        if not isinstance(reading, FingersReading) or reading.fit is None or reading.measured is None:
+            return None
+        if reading.health != "ok" or len(reading.fit.fingers) or reading.over_range or aligned.leap_us:
+            return None
+        self.rests(reading.measured, aligned, frame, newest_t)
+        if not (np.abs(newest_t - aligned.field_t) > self._sure_t).any():
+            return None
+        self._looked_chi2 = self._newer_chi2()
+        return self._look_ahead()
 
     def _newer_chi2(self) -> float:
         """Of the change from the frame's instant to the newest samples."""
@@ -153,21 +138,23 @@ class FollowedFinger:
             self._looked_chi2 = chi2
         return chi2 >= few_chi2
 
-    def _look_ahead(self, time_us: int) -> None:
+    def _look_ahead(self) -> memoryview | None:
         """The newest samples may show a finger, though nothing pressed at the frame's instant."""
         measured, field_t, newest_t, passed_us = self._last
-        found = self._appearing.found(measured, newest_t - field_t, passed_us)
-        self._ahead = None if found is None else self._follow(False, *found, time_us)
+        seen = self._appearing.found(measured, newest_t - field_t, passed_us)
+        if seen is None:
+            return None
+        newest, fit = seen
+        put_fit(self._found, fit, newest.field_t, self._estimator.moment)
+        return self._found.buffer
 
     def early(self, early: EarlySample) -> bytes | None:
         """The last message with what a sample says that came before its frame; None where it says nothing new."""
-        sample = self._buffer, early.sensor, early.gain_code, *early.counts, early.device_time_us
-        payload = self._compiled.follow_early(*sample)
+        sample = early.sensor, early.gain_code, *early.counts, early.device_time_us
+        payload = self._compiled.follow_early(*sample, None)
         if payload is True:
             self._last[2][early.sensor] = early.field_t
             self._last[3][early.sensor] = early.device_time_us - self._instant_us
-            if not self._may_press():
-                return None
-            self._look_ahead(early.device_time_us)
-            payload = self._compiled.follow_early(*sample) if self._ahead else None  # from the last frame on
+            ahead = self._look_ahead() if self._may_press() else None
+            payload = None if ahead is None else self._compiled.follow_early(*sample, ahead)  # from the last frame on
         return None if payload is True else payload

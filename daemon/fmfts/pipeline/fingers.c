@@ -10,15 +10,6 @@ enum { NUMBERS = FMFTS_FINGER_NUMBERS, FORCE = 2, SHEAR = 3, CHANGE = 5, REST = 
 
 static const double UNIT[NUMBERS] = {1e-3, 1e-3, 1.0}; /* mm → m; newtons stay */
 
-void fmfts_tell_nothing(fmfts_told_several *several, fmfts_reading *reading)
-{
-    memset(several, 0, sizeof *several);
-    reading->several = several;
-    reading->contact = FMFTS_NOT_KNOWN;
-    reading->over_range = reading->tells_force = reading->tells_place = reading->tells_force_min = false;
-    reading->tells_displacement = reading->tells_pose = reading->tells_slip = false;
-}
-
 /* share: deviation of the force from creep and from the cast. Shear is null if none is expected (friction 0), because it is not
  * certain to be zero. */
 static void tell_finger(double share, const double *number, const double *deviation, const double *shear_n,
@@ -37,13 +28,13 @@ static void tell_finger(double share, const double *number, const double *deviat
 }
 
 /* The resultant. The sum of shears has an upper bound of its deviation: the correlation of two fingers' errors is not kept. */
-static void tell_resultant(const fmfts_mounted_parameters *mounted, const fmfts_fingers_found *found, const double *deviation,
+static void tell_resultant(const fmfts_mounted_parameters *mounted, const fmfts_frame_found *found, const double *deviation,
                            fmfts_reading *reading)
 {
     double whole[NUMBERS], shear_n[2] = {0.0}, shear_deviation_n[2] = {0.0};
     fmfts_told_finger told;
-    fmfts_resultant(found->count, found->finger, whole);
-    for (size_t i = 0; i < 2 * found->count; i++) {
+    fmfts_resultant((size_t)found->count, found->fingers, whole);
+    for (size_t i = 0; i < 2 * (size_t)found->count; i++) {
         shear_n[i % 2] += found->shear_n[i];
         shear_deviation_n[i % 2] += found->shear_deviation_n[i];
     }
@@ -56,29 +47,32 @@ static void tell_resultant(const fmfts_mounted_parameters *mounted, const fmfts_
     reading->force_sd_n = told.deviation[FORCE];
 }
 
-void fmfts_tell_fingers(const fmfts_mounted_parameters *mounted, const fmfts_fingers_found *found, bool over_range,
-                        fmfts_told_several *several, fmfts_reading *reading)
+/* The contact, and each finger. */
+static void tell_fingers(const fmfts_mounted_parameters *mounted, const fmfts_frame_found *found, fmfts_told_several *several,
+                         fmfts_reading *reading)
 {
+    const size_t count = (size_t)found->count;
+    const double *least = found->has_least ? found->least : NULL;
     double deviation[NUMBERS * (1 + FMFTS_TOLD_FINGERS)];
-    reading->contact = found->count ? FMFTS_IN_CONTACT : FMFTS_NO_CONTACT;
-    reading->over_range = reading->tells_force_min = over_range;
+    reading->contact = count ? FMFTS_IN_CONTACT : FMFTS_NO_CONTACT;
+    reading->over_range = reading->tells_force_min = found->over_range;
     reading->force_min_n = 0.0;
-    for (size_t f = 0; f < found->count; f++) {
-        reading->force_min_n += fmin(found->finger[NUMBERS * f + FORCE], mounted->scale_n);
+    for (size_t f = 0; f < count; f++) {
+        reading->force_min_n += fmin(found->fingers[NUMBERS * f + FORCE], mounted->scale_n);
     }
-    if (over_range) {
+    if (reading->over_range) {
         return; /* beyond the table there is only this lower bound */
     }
     several->tells_fingers = reading->tells_force = true;
-    several->fingers = found->count;
+    several->fingers = count;
     reading->force_n = 0.0;
     reading->force_sd_n = mounted->quiet_force_sd_n;
-    if (!found->count) {
+    if (!count) {
         return;
     }
-    fmfts_finger_deviations(found->count, found->finger, found->covariance, found->least, deviation);
-    for (size_t f = 0; f < found->count; f++) {
-        tell_finger(mounted->silicone_share, found->finger + NUMBERS * f, deviation + NUMBERS * (1 + f), found->shear_n + 2 * f,
+    fmfts_finger_deviations(count, found->fingers, found->covariance, least, deviation);
+    for (size_t f = 0; f < count; f++) {
+        tell_finger(mounted->silicone_share, found->fingers + NUMBERS * f, deviation + NUMBERS * (1 + f), found->shear_n + 2 * f,
                     found->shear_deviation_n + 2 * f, &several->finger[f]);
         several->finger[f].id = found->id[f];
     }
@@ -86,7 +80,7 @@ void fmfts_tell_fingers(const fmfts_mounted_parameters *mounted, const fmfts_fin
 }
 
 /* Root mean square of the values that were used. */
-static double residual_of(const fmfts_magnets_found *found, size_t axes)
+static double residual_of(const fmfts_frame_found *found, size_t axes)
 {
     double sum = 0.0, count = 0.0;
     for (size_t i = 0; i < axes; i++) {
@@ -111,8 +105,9 @@ static void tell_ambient(const fmfts_mounted_parameters *mounted, const double *
     }
 }
 
-void fmfts_tell_magnets(const fmfts_mounted_parameters *mounted, const fmfts_magnets_found *found, size_t axes,
-                        fmfts_told_several *several, fmfts_reading *reading)
+/* The poses of all magnets. Under a finger the deviation of the ambient field is larger than that of its mean, but is not kept. */
+static void tell_magnets(const fmfts_mounted_parameters *mounted, const fmfts_frame_found *found, size_t axes,
+                         fmfts_told_several *several, fmfts_reading *reading)
 {
     several->tells_poses = true;
     several->magnets = (size_t)mounted->magnets;
@@ -132,7 +127,32 @@ void fmfts_tell_magnets(const fmfts_mounted_parameters *mounted, const fmfts_mag
     reading->residual_t = residual_of(found, axes);
     reading->chi2 = found->chi2;
     reading->ambient_t[0] = NAN;
-    if (found->ambient_t && !isnan(mounted->ambient_t[0])) {
+    if (reading->contact != FMFTS_IN_CONTACT && !isnan(mounted->ambient_t[0])) {
         tell_ambient(mounted, found->ambient_t, reading);
+    }
+}
+
+void fmfts_tell_found(const fmfts_mounted_parameters *mounted, const fmfts_frame_found *found, size_t sensors,
+                      fmfts_told_several *several, fmfts_reading *reading)
+{
+    const uint8_t *used = found->used;
+    memset(several, 0, sizeof *several);
+    several->more = found->more;
+    reading->several = several;
+    reading->contact = found->contact < 0 ? FMFTS_NOT_KNOWN : found->contact ? FMFTS_IN_CONTACT : FMFTS_NO_CONTACT;
+    reading->over_range = reading->tells_force = reading->tells_place = reading->tells_force_min = false;
+    reading->tells_pose = reading->tells_slip = false;
+    reading->tells_displacement = !isnan(found->displacement_m);
+    reading->displacement_m = found->displacement_m;
+    reading->displacement_sd_m = found->displacement_sd_m;
+    reading->sensors_ok = 0;
+    for (size_t i = 0; i < sensors; i++, used += 3) {
+        reading->sensors_ok |= (unsigned)(used[0] && used[1] && used[2]) << i;
+    }
+    if (found->has_fingers) {
+        tell_fingers(mounted, found, several, reading);
+    }
+    if (found->has_magnets) {
+        tell_magnets(mounted, found, 3 * sensors, several, reading);
     }
 }

@@ -26,28 +26,27 @@ enum { FMFTS_TOLD_CAUSES = 96 }; /* of errors of a baseline: as many as several/
 
 FMFTS_STRUCT(fmfts_mounted_parameters, FMFTS_MOUNTED_PARAMETERS)
 
-/* Of several/fit.h: finger [count][3] in mm and N, and its covariance; shear and its deviation [count][2]. least: see
- * several/resultant.h. */
-typedef struct {
-    size_t count;
-    int64_t id[FMFTS_TOLD_FINGERS];
-    const double *finger, *covariance, *shear_n, *shear_deviation_n, *least;
-} fmfts_fingers_found;
-
-/* position, axis [magnets][3]; variance [magnets][5]: of their change since rest. misfit_t, used [axes]: residuals, and of which axes
- * the frame was made. ambient_t: the change of the ambient field, NULL: not told. */
-typedef struct {
-    const double *position, *axis, *variance, *misfit_t;
-    const uint8_t *used;
-    const double *ambient_t;
-    double chi2;
-} fmfts_magnets_found;
-
-/* What C finds of a frame, for Python where the frame needs a closer look: as Measured and Fit have it. */
-#define FMFTS_CALM_ROOM(ONE, MANY)                                                                                     \
+/* What is found of a frame, of which its message and its `now` are made: by C of a calm one (_calm.c), else by Python (found.py).
+ * has_fingers: with `count` fingers, which may be none; else contact: 1, 0, or −1: not known. more: no two fingers explain the field.
+ * over_range: they are beyond the table. displacement: of the magnet that moved most, NaN: not told. moment: the factor on all moments.
+ * change_t, variance_t2: the field's change since rest; used: of which axes the frame was made. fingers … slope_t: as Fit has them.
+ * least: see several/resultant.h. position, axis, variance: of the magnets, and of their change since rest. */
+#define FMFTS_FRAME_FOUND(ONE, MANY)                                                                                   \
+    ONE(int64_t, has_fingers)                                                                                          \
+    ONE(int64_t, has_least)                                                                                            \
+    ONE(int64_t, has_magnets)                                                                                          \
+    ONE(int64_t, contact)                                                                                              \
+    ONE(int64_t, more)                                                                                                 \
+    ONE(int64_t, over_range)                                                                                           \
+    ONE(int64_t, count)                                                                                                \
+    MANY(int64_t, id, FMFTS_TOLD_FINGERS)                                                                              \
+    ONE(double, chi2)                                                                                                  \
+    ONE(double, moment)                                                                                                \
+    ONE(double, displacement_m)                                                                                        \
+    ONE(double, displacement_sd_m)                                                                                     \
     MANY(double, change_t, FMFTS_AXES)                                                                                 \
     MANY(double, variance_t2, FMFTS_AXES)                                                                              \
-    MANY(uint8_t, there, FMFTS_AXES)                                                                                   \
+    MANY(uint8_t, used, FMFTS_AXES)                                                                                    \
     MANY(double, fingers, FMFTS_FINGER_NUMBERS * FMFTS_TOLD_FINGERS)                                                   \
     MANY(double, covariance, FMFTS_FINGER_NUMBERS * FMFTS_TOLD_FINGERS * FMFTS_FINGER_NUMBERS * FMFTS_TOLD_FINGERS)    \
     MANY(double, misfit_t, FMFTS_AXES)                                                                                 \
@@ -56,33 +55,31 @@ typedef struct {
     MANY(double, shear_deviation_n, 2 * FMFTS_TOLD_FINGERS)                                                            \
     MANY(double, noise_t, FMFTS_AXES)                                                                                  \
     MANY(double, slope_t, FMFTS_AXES * FMFTS_FINGER_NUMBERS * FMFTS_TOLD_FINGERS)                                      \
-    MANY(double, least, FMFTS_FINGER_NUMBERS * (1 + FMFTS_TOLD_FINGERS))
+    MANY(double, least, FMFTS_FINGER_NUMBERS * (1 + FMFTS_TOLD_FINGERS))                                               \
+    MANY(double, position, 3 * FMFTS_TOLD_MAGNETS)                                                                     \
+    MANY(double, axis, 3 * FMFTS_TOLD_MAGNETS)                                                                         \
+    MANY(double, variance, FMFTS_POSE_CHANGE * FMFTS_TOLD_MAGNETS)
 
-FMFTS_STRUCT(fmfts_calm_room, FMFTS_CALM_ROOM)
+FMFTS_STRUCT(fmfts_frame_found, FMFTS_FRAME_FOUND)
 
-/* What a calm frame is judged with: views of Python's arrays. rest: of fmfts_samples_of. untouched: position, axis [magnets][3] and
- * variance [magnets][5] of the magnets at rest, and by how much [values] a sample must change until a finger is looked for in it. */
+/* What a frame is judged with: views of Python's arrays. steps … followed: NULL unless C judges calm frames. rest: of fmfts_samples_of.
+ * untouched: position, axis [magnets][3] and variance [magnets][5] of the magnets at rest, and by how much [values] a sample must
+ * change until a finger is looked for in it. */
 typedef struct {
+    const fmfts_mounted_parameters *mounted;
+    fmfts_frame_found *found;
     const fmfts_several_steps *steps;
     fmfts_several model;
     fmfts_search search;
     fmfts_several_work *work;
     const fmfts_ordinary_limits *limits;
     const double *rest, *untouched;
-    const fmfts_mounted_parameters *mounted;
     fmfts_followed_memory *followed;
-    fmfts_calm_room *room;
-} fmfts_calm;
+} fmfts_bound;
 
-/* fingers.c: the fields of a message without an estimate, of a pad with several magnets. `several`: where it has its own. */
-void fmfts_tell_nothing(fmfts_told_several *several, fmfts_reading *reading);
-
-/* fingers.c: the contact, and each finger. over_range: they are beyond the table. */
-void fmfts_tell_fingers(const fmfts_mounted_parameters *mounted, const fmfts_fingers_found *found, bool over_range,
-                        fmfts_told_several *several, fmfts_reading *reading);
-
-/* fingers.c: the poses of `axes` / 3 sensors' field. */
-void fmfts_tell_magnets(const fmfts_mounted_parameters *mounted, const fmfts_magnets_found *found, size_t axes,
-                        fmfts_told_several *several, fmfts_reading *reading);
+/* fingers.c: the fields of the message of a pad with `sensors`, but for health, reason, temperature and `now`. `several`: where it
+ * has its own. */
+void fmfts_tell_found(const fmfts_mounted_parameters *mounted, const fmfts_frame_found *found, size_t sensors,
+                      fmfts_told_several *several, fmfts_reading *reading);
 
 #endif

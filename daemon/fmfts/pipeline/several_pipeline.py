@@ -160,10 +160,9 @@ class SeveralPipeline:
         else:
             fingers = FingersEstimator(FieldModel(self.pad, mounting, self.model.response, self._scene), *others)
             self._use(fingers, baseline)
-            if self.hand is None:
-                compiled = self._frames.compiled
-                self._followed = FollowedFinger(fingers, self._lead, self._frames.parameters, compiled)
-                self._calm = CalmFrames(fingers, compiled, self._frames.mounted, self._followed.buffer)
+            if self.hand is None and not self._neighbours:
+                self._followed = FollowedFinger(fingers, self._lead, self._frames.parameters, self._frames.compiled)
+                self._calm = CalmFrames(fingers, self._frames, self._followed.buffer)
             if isinstance(before, FingersEstimator):  # earlier fingers keep their ids
                 fingers.memory.counter.next_id = before.memory.counter.next_id
             self._at_first = deepcopy(fingers.memory)
@@ -176,6 +175,8 @@ class SeveralPipeline:
         """From the next frame on, take the magnets of another pad into account. placement: of that pad, in this one's
         axes."""
         self._neighbours.append(NeighbourView(neighbour, placement))
+        self._followed = self._calm = None
+        self._frames.bind()
 
     def be_felt(self) -> Sighting:
         """This pad's magnets, for a neighbour that measures them: updated from the next frame on."""
@@ -225,13 +226,9 @@ class SeveralPipeline:
                 reading = reading._replace(reason="; ".join(filter(None, (reading.reason, self.model.reason))))
             self._show(estimator.sighted(reading) if self._is_felt else None)
         self.search = reading.search
-        self._has_now = (
-            self._followed is not None
-            and isinstance(reading, FingersReading)
-            and not self._neighbours
-            and self._followed.after(reading, aligned, frame, newest_t)
-        )
-        return self._frames.message(reading, frame.temperature_c, self._has_now)
+        ahead = None if self._followed is None else self._followed.ahead(reading, aligned, frame, newest_t)
+        message, self._has_now = self._frames.message(reading, frame.temperature_c, ahead)
+        return message
 
     @property
     def _seen(self) -> list[NeighbourEstimate]:
@@ -241,7 +238,7 @@ class SeveralPipeline:
     def _calmly(self, estimator: FingersEstimator, aligned: Aligned, frame: Frame, newest_t: Array) -> bytes | Seen:
         """The message of a calm frame; or what is known of another one."""
         calm, followed = self._calm, self._followed
-        if calm is None or followed is None or self._neighbours or not estimator.memory.is_calm:
+        if calm is None or followed is None or not estimator.memory.is_calm:
             return estimator.seen(aligned, self._seen)
         told = calm.payload(nan if frame.temperature_c is None else frame.temperature_c)
         if isinstance(told, bytes):
@@ -308,4 +305,4 @@ class SeveralPipeline:
         self._forget_now()
         self.missing = {}
         reading = FingersReading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
-        return self._frames.message(reading, None, False).message
+        return self._frames.message(reading, None)[0].message
