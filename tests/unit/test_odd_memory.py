@@ -23,8 +23,9 @@ from fmfts.baseline.posture_fit import fit_posture
 from fmfts.bus.messages import SlipMessage
 from fmfts.common.memory import encode
 from fmfts.pipeline.first_memory import OF_SLIP
-from fmfts.pipeline.pad_pipeline import PadPipeline, PipelineMemory
+from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.pipeline.possible_memory import BLAMED
+from fmfts.pipeline.remembering import PadMemory
 from fmfts.pipeline.snapshot import FORMAT, BadMemoryError, Snapshot, restore
 from fmfts.sensor import Frame
 from golden.replayed import pipelines_of
@@ -77,16 +78,16 @@ def on_a_hand(baseline: Baseline) -> Baseline:
     return msgspec.structs.replace(baseline, posture=StoredPosture.of(taught)).sealed()
 
 
-def claimed(memory: PipelineMemory) -> bytes:
+def claimed(memory: PadMemory) -> bytes:
     """A snapshot, as anybody may write it into a recording."""
     return msgspec.msgpack.encode(Snapshot(FORMAT, msgspec.Raw(encode(memory))))
 
 
-def with_number(memory: PipelineMemory, name: str, place: int, number: Any) -> PipelineMemory:
+def with_number(memory: PadMemory, name: str, place: int, number: Any) -> PadMemory:
     changed = np.array(memory.fields[name], ndmin=1)
     changed[place % len(changed)] = number
-    return PipelineMemory(
-        **{key: getattr(memory, key) for key in PipelineMemory.__dataclass_fields__}
+    return PadMemory(
+        **{key: getattr(memory, key) for key in PadMemory.__dataclass_fields__}
         | {"fields": memory.fields | {name: changed.reshape(memory.fields[name].shape)}}
     )
 

@@ -20,7 +20,7 @@ from fmfts.contact import ContactModel
 from fmfts.contact.contract import ModelError
 from fmfts.pipeline import _pad
 from fmfts.pipeline.first_memory import OF_SLIP, first_memory
-from fmfts.pipeline.pad_pipeline import PipelineMemory
+from fmfts.pipeline.remembering import PadMemory
 from fmfts.runtime.announcer import Announcer
 from fmfts.sensor import Frame
 from fmfts.sensor.source import SourceState
@@ -212,7 +212,7 @@ def test_memory_of_a_version_without_slip_is_accepted() -> None:
     pipeline = pad().pipeline()
     before = pipeline.memory
     older = {name: value for name, value in before.fields.items() if name not in OF_SLIP}
-    pipeline.recall(PipelineMemory(older, before.sighting, before.why_no_baseline, before.sensors, before.has_baseline))
+    pipeline.recall(PadMemory(older, before.sighting, before.why_no_baseline, before.sensors, before.has_baseline))
     assert set(pipeline.memory.fields) == set(before.fields)
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fmfts.common.record import Record
 from fmfts.pad import Tolerance
+from fmfts.pipeline import _pad
 from fmfts.pipeline.several_frames import SeveralFrames
 from fmfts.several.count import resultant
 from fmfts_calibrate.resultant import deviation_of, deviation_of_each, resultant_deviation
@@ -105,7 +107,7 @@ def test_message_has_the_wider_deviations_of_each_finger() -> None:
     estimator = estimator_of(one)
     reading = read_once(one, one.pressed(RIM), estimator)
     assert reading.fit is not None
-    frames = SeveralFrames(estimator.pad, 220.0, "boot", "model")
+    frames = SeveralFrames(estimator.pad, Record(_pad.MEMORY), 220.0, "boot", "model")
     frames.use(estimator, None)
     contacts = frames.message(reading, None)[0].message.contacts
     assert isinstance(contacts, list)

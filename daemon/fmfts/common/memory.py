@@ -7,12 +7,15 @@ from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 Memory = TypeVar("Memory")
 
 
 def _is_memory(value: object) -> bool:
-    """The type of a field that holds a frozen dataclass or None."""
+    """Whether it is a part of its own: a dataclass, or values by name."""
+    if isinstance(value, dict):
+        return True
     parameters = getattr(value, "__dataclass_params__", None)
     return parameters is not None and not parameters.frozen
 
@@ -33,12 +36,23 @@ def require_alike(memory: Any, other: Any, where: str = "") -> None:
             raise ValueError(f"{where} is of another kind of pad")
         has, lacks = ("the state", "this pad") if _is_memory(memory) else ("this pad", "the state")
         raise ValueError(f"{has} remembers {where}, and {lacks} does not")
-    if isinstance(memory, np.ndarray) and isinstance(other, np.ndarray) and memory.shape != other.shape:
-        raise ValueError(f"{where} has the shape {memory.shape}, not {other.shape}")
+    if isinstance(memory, np.ndarray) and isinstance(other, np.ndarray) and _form(memory) != _form(other):
+        raise ValueError(f"{where} has the shape {_form(memory)}, not {_form(other)}")
     if _is_memory(memory):
-        for each in fields(memory):
-            name = f"{where}.{each.name}".lstrip(".")
-            require_alike(getattr(memory, each.name), getattr(other, each.name), name)
+        one, another = (_parts(each) for each in (memory, other))
+        if set(one) != set(another):
+            unknown = ", ".join(sorted(set(one) ^ set(another))[:3])
+            raise ValueError(f"{where} has other fields than this version has ({unknown} …)")
+        for name in one:
+            require_alike(one[name], another[name], f"{where}.{name}".lstrip("."))
+
+
+def _form(array: NDArray[Any]) -> tuple[tuple[int, ...], str]:
+    return array.shape, array.dtype.str
+
+
+def _parts(memory: Any) -> dict[str, Any]:
+    return memory if isinstance(memory, dict) else {each.name: getattr(memory, each.name) for each in fields(memory)}
 
 
 def _encoded(value: Any) -> Any:

@@ -5,8 +5,6 @@ It is null with two fingers, beside pads that are felt, and on a hand that moves
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmfts.arithmetic.elementary import square
@@ -18,7 +16,6 @@ from fmfts.pipeline import _pad
 from fmfts.pipeline.found import put_fit
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.parameters import MODE_WEIGHTS
-from fmfts.pipeline.possible_memory import require_possible
 from fmfts.pose import AMBIENT, Aligned
 from fmfts.pose.gates import FALSE_INNOVATION
 from fmfts.sensor import Frame
@@ -38,22 +35,14 @@ GROWN, GROWN_OVER_FRAMES, LAST_FRAMES = 1.5, 2.0, 3
 UNKNOWN_SHARE = 0.03
 
 
-@dataclass(slots=True)
-class FollowedMemory:
-    """fields: of FMFTS_FOLLOWED_MEMORY (finger.h), by name."""
-
-    fields: Values
-
-
 class FollowedFinger:
     """For one pad with its baseline."""
 
     def __init__(self, estimator: FingersEstimator, lead: Lead, parameters: Record, compiled: _pad.Pad) -> None:
         """parameters: of C's pad, which are filled. compiled: this pad."""
-        pad, mounting, scene = estimator.pad, estimator.mounting, estimator.scene
+        mounting, scene = estimator.mounting, estimator.scene
         self._estimator, self._mounting, self._compiled = estimator, mounting, compiled
         self._appearing = Appearing(estimator)
-        self._sensors = len(pad.sensors)
         self._memory, self._found = Record(_pad.FOLLOWED), Record(_pad.FOUND)
         walk = np.zeros(_pad.STEP)
         walk[AMBIENT] = scene.ambient_walk_t2_per_s
@@ -86,13 +75,12 @@ class FollowedFinger:
         self._instant_us = 0
 
     @property
-    def memory(self) -> FollowedMemory:
-        return FollowedMemory(self._memory.copy())
+    def memory(self) -> Values:
+        """The fields of FMFTS_FOLLOWED_MEMORY (finger.h), by name."""
+        return self._memory.copy()
 
-    def recall(self, memory: FollowedMemory) -> None:
-        """ValueError, and nothing changes, if no such pad can remember it."""
-        require_possible(memory.fields, self._sensors)
-        self._memory.recall(memory.fields)
+    def recall(self, memory: Values) -> None:
+        self._memory.recall(memory)
 
     def forget(self) -> None:
         """Nobody knows what presses."""

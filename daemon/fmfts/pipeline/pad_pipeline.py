@@ -2,56 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fmfts.baseline import Baseline, Mounting
 from fmfts.bus.encoding import decode_contact
 from fmfts.bus.messages import ContactMessage, Health
-from fmfts.common.record import Record, Values
 from fmfts.contact import ContactModel, NoContactModel
 from fmfts.pad import Pad, Placement
 from fmfts.pipeline import _pad
 from fmfts.pipeline.baselined_pad import BaselinedPad
 from fmfts.pipeline.encoded import EncodedMessage, Passed
-from fmfts.pipeline.first_memory import first_memory, with_later, without_samples
+from fmfts.pipeline.first_memory import first_memory, without_samples
 from fmfts.pipeline.lead import Lead
 from fmfts.pipeline.parameters import packed_errors, packed_response, parameters_of, put_neighbours
-from fmfts.pipeline.possible_memory import require_alike, require_possible
+from fmfts.pipeline.remembering import PadMemory, RememberingPipeline
 from fmfts.pipeline.weighed import on_weighed_silicone
-from fmfts.pipeline.words import NO_BASELINE, further_drift_of, words_of
+from fmfts.pipeline.words import further_drift_of, words_of
 from fmfts.pose import TrackingModel
 from fmfts.pose.hand import Hand
 from fmfts.pose.neighbour import NeighbourView
-from fmfts.pose.sighting import Sighting, SightingMemory
+from fmfts.pose.sighting import Sighting
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
 
 
-@dataclass(slots=True)
-class PipelineMemory:
-    """All that the next message depends on, besides its frame, the configuration and the baseline.
-
-    fields: of FMFTS_MEMORY (frame.h), by name. why_no_baseline: the reason of messages without one.
-    sensors: of the pad; has_baseline: whether it had one.
-    """
-
-    fields: Values
-    sighting: SightingMemory
-    why_no_baseline: str
-    sensors: int
-    has_baseline: bool
-
-
-class PadPipeline:
+class PadPipeline(RememberingPipeline):
     """Makes a message of each frame of one pad. model: may serve other pads of the same geometry, too. hand: that the
     pad is on, if its field depends on the hand's posture.
-
-    memory_kind: the type of `memory`, by which a recording keeps it.
     """
-
-    memory_kind = PipelineMemory
 
     def __init__(
         self,
@@ -64,16 +42,11 @@ class PadPipeline:
         lead: Lead = Lead(),  # noqa: B008
         hand: Hand | None = None,
     ) -> None:
-        self.pad = pad
+        super().__init__(pad)
         self.model = self._unweighed = model
         self._boot, self._rate_hz, self._tracking, self._lead = boot, rate_hz, tracking, lead
         self.hand = hand
         self._baselined: BaselinedPad | None = None
-        self._why_none = NO_BASELINE
-        self._memory = Record(_pad.MEMORY)
-        self._memory.fill(first_memory(pad, None))
-        self._sighting = Sighting.unseen(pad)
-        self._neighbours: list[NeighbourView] = []
         self._has_frame = False  # the last message is that of a frame
         self._build()
 
@@ -116,11 +89,6 @@ class PadPipeline:
     @property
     def mounting(self) -> Mounting | None:
         return None if self._baselined is None else self._baselined.mounting
-
-    @property
-    def messages(self) -> int:
-        """The number of the last message."""
-        return self._memory.integer("number")
 
     @property
     def model_hash(self) -> str:
@@ -175,16 +143,11 @@ class PadPipeline:
         """Forget all frames, because the next have another clock, or one caused an error."""
         self._memory.fill(first_memory(self.pad, self._baselined))
 
-    def process(self, frame: Frame) -> ContactMessage:
-        """The message of one frame."""
-        return self.answer(frame).message
-
     def answer(self, frame: Frame) -> EncodedMessage:
-        """The same, encoded."""
         return EncodedMessage.of(self.payload(frame), self._compiled)
 
     def payload(self, frame: Frame) -> bytes:
-        """The same, encoded for sending only."""
+        """The message of one frame, encoded for sending only."""
         if frame.joints is not None and self.hand is not None:
             self.hand.recall(frame.joints)
         temperature_c = np.nan if frame.temperature_c is None else frame.temperature_c
@@ -223,30 +186,8 @@ class PadPipeline:
         self._has_frame = True
         return passed, EncodedMessage.of(passed.payload, pad)
 
-    def host_time_ns(self, device_time_us: int) -> int:
-        """The host's time of the board's, near the last frame."""
-        return self._memory.integer("frame_ns") + 1000 * (device_time_us - self._memory.integer("frame_us"))
-
-    @property
-    def memory(self) -> PipelineMemory:
-        """The pipeline's memory between two frames."""
-        pad = len(self.pad.sensors), self._baselined is not None
-        return PipelineMemory(self._memory.copy(), self._sighting.memory, self._why_none, *pad)
-
-    def recall(self, memory: PipelineMemory) -> None:
-        """Continue from the memory of another pipeline of the same configuration and baseline.
-
-        ValueError, and nothing changes, if the memory does not fit this pipeline.
-        """
-        if memory.sensors != len(self.pad.sensors):
-            raise ValueError(f"of a pad with {memory.sensors} sensors, and this one has {len(self.pad.sensors)}")
-        if memory.has_baseline != (self._baselined is not None):
-            raise ValueError("of a pad with a baseline, and this one has none, or the other way round")
-        require_possible(memory.fields, memory.sensors)
-        require_alike(memory.sighting, self._sighting)
-        self._memory.recall(with_later(memory.fields))
+    def _go_on(self, memory: PadMemory) -> None:
         self._has_frame = False
-        self._sighting.recall(memory.sighting)
         if memory.why_no_baseline != self._why_none:
             self._why_none = memory.why_no_baseline
             self._build()

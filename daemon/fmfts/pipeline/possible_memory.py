@@ -8,7 +8,6 @@ import numpy as np
 from fmfts.common.possible import Range
 from fmfts.common.record import Values
 from fmfts.pipeline import _pad
-from fmfts.pose.sighting import Sighting, SightingMemory
 
 # Sums of two of them, in ns, fit into 64 bits. A board counts 48 bits.
 MICROSECONDS = Range(-(2.0**50), 2.0**50, "time of a board in µs")
@@ -34,10 +33,3 @@ def require_possible(fields: Values, sensors: int) -> None:
         if values.dtype.kind == "i":
             usual = MICROSECONDS if name.endswith("_us") else WHOLE
             of_name.get(name, usual).require(np.ravel(values).tolist())
-
-
-def require_alike(memory: SightingMemory, sighting: Sighting) -> None:
-    """ValueError if it has another number of magnets."""
-    own = sighting.memory
-    if memory.values.shape != own.values.shape or memory.covariance.shape != own.covariance.shape:
-        raise ValueError(f"magnets were seen at {memory.values.shape[0]} places, and this pad has {len(own.values)}")

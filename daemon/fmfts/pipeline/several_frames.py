@@ -11,7 +11,6 @@ from fmfts.common.record import Record
 from fmfts.pad import Array, Pad
 from fmfts.pipeline import _pad
 from fmfts.pipeline.encoded import EncodedMessage
-from fmfts.pipeline.first_memory import first_memory
 from fmfts.pipeline.found import Estimator, put_reading
 from fmfts.pipeline.mounted import mounted_record
 from fmfts.pipeline.parameters import chip_fields
@@ -25,11 +24,13 @@ from fmfts_client.fields import SCHEMA_VERSION
 
 
 class SeveralFrames:
-    """parameters: of C's pad, and for `now` (finger.py). memory: of the samples and the last message. hand: see
-    SeveralPipeline."""
+    """parameters: of C's pad, and for `now` (finger.py). memory: of MEMORY, of which it uses the samples and the last
+    message. hand: see SeveralPipeline."""
 
-    def __init__(self, pad: Pad, rate_hz: float, boot: str, model_hash: str, hand: Hand | None = None) -> None:
-        self.parameters, self.memory = Record(_pad.PARAMETERS), Record(_pad.MEMORY)
+    def __init__(
+        self, pad: Pad, memory: Record, rate_hz: float, boot: str, model_hash: str, hand: Hand | None = None
+    ) -> None:
+        self.parameters, self.memory = Record(_pad.PARAMETERS), memory
         self.parameters.fill({"sensors": len(pad.sensors), "period_us": 1e6 / rate_hz, **chip_fields(pad.chip)})
         self._hand, self._posture_unknown = hand, ""  # why, in the last frame
         each = len(pad.sensors), 3
@@ -42,12 +43,7 @@ class SeveralFrames:
         )
         self._pad, self._named = pad, (SCHEMA_VERSION, pad.name, boot, model_hash)
         self._unseen = Sighting.unseen(replace(pad, other_magnets=())).table.buffer  # no other pad feels it through C
-        self.forget()
         self.use(None, None)
-
-    def forget(self) -> None:
-        """All samples."""
-        self.memory.fill(first_memory(self._pad, None))
 
     def use(self, estimator: Estimator, baseline_id: str | None) -> None:
         """From the next frame on."""

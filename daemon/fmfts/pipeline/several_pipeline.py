@@ -8,8 +8,6 @@ Python judges its frames, and calls the compiled fit.
 
 from __future__ import annotations
 
-from copy import deepcopy
-from dataclasses import dataclass
 from math import nan
 
 import numpy as np
@@ -17,8 +15,6 @@ import numpy as np
 from fmfts.baseline import Baseline
 from fmfts.baseline.array_mounting import ArrayMounting
 from fmfts.bus.messages import ContactMessage, Health
-from fmfts.common.memory import require_alike
-from fmfts.common.record import Values
 from fmfts.contact import NoContactModel
 from fmfts.contact.array_model import ArrayModel
 from fmfts.contact.array_response import ArrayResponse
@@ -26,16 +22,16 @@ from fmfts.pad import Array, Pad, Placement
 from fmfts.pipeline import _pad
 from fmfts.pipeline.calm import CalmFrames
 from fmfts.pipeline.encoded import EncodedMessage
-from fmfts.pipeline.finger import FollowedFinger, FollowedMemory
-from fmfts.pipeline.first_memory import with_later
+from fmfts.pipeline.finger import FollowedFinger
+from fmfts.pipeline.first_memory import first_memory
 from fmfts.pipeline.lead import Lead
-from fmfts.pipeline.possible_memory import require_possible
+from fmfts.pipeline.remembering import PadMemory, RememberingPipeline
 from fmfts.pipeline.several_frames import SeveralFrames
-from fmfts.pipeline.words import BARE_ONLY, NO_BASELINE
+from fmfts.pipeline.words import BARE_ONLY
 from fmfts.pose import Aligned, repeats_allowed
 from fmfts.pose.hand import Hand
 from fmfts.pose.neighbour import NeighbourEstimate, NeighbourView
-from fmfts.pose.sighting import Sighting, SightingMemory
+from fmfts.pose.sighting import Sighting
 from fmfts.pose.state import Neighbour
 from fmfts.sensor import Frame
 from fmfts.sensor.early import EarlySample
@@ -43,32 +39,18 @@ from fmfts.several.count import Search
 from fmfts.several.estimator import FingersEstimator
 from fmfts.several.field_model import FieldModel, Scene
 from fmfts.several.poses_estimator import PosesEstimator
-from fmfts.several.reading import FingersMemory, FingersReading, PosesMemory, PosesReading, Seen
+from fmfts.several.reading import FingersReading, PosesReading, Seen
 from fmfts.several.sighted import rest_of
 from fmfts.several.since_rest import Warmth
 
 
-@dataclass(slots=True)
-class SeveralMemory:
-    """As PipelineMemory, of a pad with several magnets. fields: of FMFTS_MEMORY, by name. sighting: None if no
-    neighbour measures the pad. fingers, followed: with a table of presses; poses: without one."""
-
-    fields: Values
-    fingers: FingersMemory | None
-    why_no_estimator: str
-    sighting: SightingMemory | None = None
-    poses: PosesMemory | None = None
-    followed: FollowedMemory | None = None
-
-
-class SeveralPipeline:
+class SeveralPipeline(RememberingPipeline):
     """Makes a message of each frame of one pad with several magnets.
 
     magnet_per_k: temperature coefficient of the remanence. missing: sensor (from 0) → why it could not be used in the
     last frame; empty while frames are absent. hand: that the pad is on, if its field depends on the hand's posture.
     """
 
-    memory_kind = SeveralMemory
     further_drift = ""  # only PadPipeline finds it
     force_scale: float | None = None  # no weight measures the silicone of such a pad
 
@@ -84,9 +66,9 @@ class SeveralPipeline:
         hand: Hand | None = None,
         lead: Lead = Lead(),  # noqa: B008
     ) -> None:
-        self.pad, self.hand, self.model, self.model_hash = pad, hand, model, model.hash
+        super().__init__(pad)
+        self.hand, self.model, self.model_hash = hand, model, model.hash
         self._rate_hz, self._lead = rate_hz, lead
-        self._why_none = NO_BASELINE
         self._baseline: Baseline | None = None
         self.missing: dict[int, str] = {}
         self._followed: FollowedFinger | None = None
@@ -94,12 +76,9 @@ class SeveralPipeline:
         self._has_now = False  # the last message, and it is that of a frame
         self._scene, self._magnet_per_k = scene, magnet_per_k
         self._estimator: FingersEstimator | PosesEstimator | None = None
-        self._at_first: FingersMemory | PosesMemory | None = None  # the estimator's memory before any frame
-        self._sighting = Sighting.unseen(pad)
-        self._neighbours: list[NeighbourView] = []
         self._is_felt = False
         self.search: Search = "none"  # the last frame's search for fingers
-        self._frames = SeveralFrames(pad, rate_hz, boot, model.hash, hand)
+        self._frames = SeveralFrames(pad, self._memory, rate_hz, boot, model.hash, hand)
 
     def _use(self, estimator: FingersEstimator | PosesEstimator | None, baseline: Baseline | None) -> None:
         self._estimator, self._baseline, self._has_now = estimator, baseline, False
@@ -109,16 +88,6 @@ class SeveralPipeline:
     @property
     def baseline(self) -> Baseline | None:
         return self._baseline
-
-    @property
-    def messages(self) -> int:
-        """The number of the last message."""
-        return self._frames.memory.integer("number")
-
-    def host_time_ns(self, device_time_us: int) -> int:
-        """The host's time of the board's, near the last frame."""
-        memory = self._frames.memory
-        return memory.integer("frame_ns") + 1000 * (device_time_us - memory.integer("frame_us"))
 
     def begin(self, clock: memoryview, topic: bytes, pad_index: int, overdue_ns: int) -> None:
         """C never takes such a pad's frames from a board's bytes."""
@@ -156,7 +125,6 @@ class SeveralPipeline:
             unknown = ArrayResponse.unknown(len(self.pad.magnets))
             poses = PosesEstimator(FieldModel(self.pad, mounting, unknown, self._scene), *others)
             self._use(poses, baseline)
-            self._at_first = deepcopy(poses.memory)
         else:
             fingers = FingersEstimator(FieldModel(self.pad, mounting, self.model.response, self._scene), *others)
             self._use(fingers, baseline)
@@ -165,7 +133,6 @@ class SeveralPipeline:
                 self._calm = CalmFrames(fingers, self._frames, self._followed.buffer)
             if isinstance(before, FingersEstimator):  # earlier fingers keep their ids
                 fingers.memory.counter.next_id = before.memory.counter.next_id
-            self._at_first = deepcopy(fingers.memory)
         self._sighting.rests(*rest_of(mounting))
         if self.hand is not None:
             self.hand.use(None if baseline.posture is None else baseline.posture.model())
@@ -186,26 +153,17 @@ class SeveralPipeline:
     def start_anew(self) -> None:
         """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
         take 15 ms, in which all other pads wait."""
-        self._frames.forget()
+        self._memory.fill(first_memory(self.pad, None))
         self._forget_now()
-        memory = deepcopy(self._at_first)
-        if isinstance(self._estimator, FingersEstimator) and isinstance(memory, FingersMemory):
-            memory.counter.next_id = self._estimator.memory.counter.next_id  # earlier fingers keep their ids
-            self._estimator.recall(memory)
-        if isinstance(self._estimator, PosesEstimator) and isinstance(memory, PosesMemory):
-            self._estimator.recall(memory)
+        if self._estimator is not None:
+            self._estimator.start_anew()
 
     def refuse(self, reason: str) -> None:
         """Publish `reason` in every message: there is a baseline, but it cannot be used."""
         self._use(None, None)
         self._why_none = reason
 
-    def process(self, frame: Frame) -> ContactMessage:
-        """Make the message of one frame."""
-        return self.answer(frame).message
-
     def answer(self, frame: Frame) -> EncodedMessage:
-        """The same, encoded."""
         self.search = "none"
         aligned, newest_t, is_whole = self._frames.aligned(frame)
         self.missing = {} if is_whole else self._frames.compiled.missing()
@@ -267,36 +225,21 @@ class SeveralPipeline:
             self._followed.forget()
 
     @property
-    def memory(self) -> SeveralMemory:
-        """The pipeline's memory between two frames."""
-        estimator = self._estimator
-        return SeveralMemory(
-            self._frames.memory.copy(),
-            estimator.memory if isinstance(estimator, FingersEstimator) else None,
-            self._why_none,
-            self._sighting.memory if self._is_felt else None,
-            estimator.memory if isinstance(estimator, PosesEstimator) else None,
-            None if self._followed is None else self._followed.memory,
-        )
+    def memory(self) -> PadMemory:
+        memory, estimator = super().memory, self._estimator
+        memory.fingers = estimator.memory if isinstance(estimator, FingersEstimator) else None
+        memory.poses = estimator.memory if isinstance(estimator, PosesEstimator) else None
+        memory.followed = None if self._followed is None else self._followed.memory
+        return memory
 
-    def recall(self, memory: SeveralMemory) -> None:
-        """Continue from the memory of another pipeline of the same configuration and baseline.
-
-        ValueError, and nothing changes, if the memory does not fit this pipeline.
-        """
-        require_alike(memory, self.memory)
-        require_possible(memory.fields, len(self.pad.sensors))
+    def _go_on(self, memory: PadMemory) -> None:
+        self._has_now, self._why_none = False, memory.why_no_baseline
         if self._followed is not None and memory.followed is not None:
-            self._followed.recall(memory.followed)  # it may refuse, so that it is first
-        self._frames.memory.recall(with_later(memory.fields))
-        self._has_now = False
+            self._followed.recall(memory.followed)
         if isinstance(self._estimator, FingersEstimator) and memory.fingers is not None:
             self._estimator.recall(memory.fingers)
         if isinstance(self._estimator, PosesEstimator) and memory.poses is not None:
             self._estimator.recall(memory.poses)
-        self._why_none = memory.why_no_estimator
-        if memory.sighting is not None:
-            self._sighting.recall(memory.sighting)
 
     def absent(self, health: Health, reason: str) -> ContactMessage:
         """The message to publish while no frame can be used. It ends the touch: the finger may be gone."""

@@ -1,6 +1,6 @@
 """A pipeline's memory of earlier frames, as bytes. A recording starts with it, so a replay continues bit for bit.
 
-For a pad with one magnet it holds each field of FMFTS_MEMORY (frame.h) by name.
+PadMemory of remembering.py says what it holds; a pad of another package has its own.
 """
 
 from __future__ import annotations

@@ -69,8 +69,8 @@ class FingersEstimator:
         # Of a calm frame, as ordinary.h has them.
         self.calm_limits = np.array([*np.minimum(limits, self._counter.searched_from), *LIMITS, *UNFELT])
         self._cold = FingerCounter(self.fitter, rate_hz)
-        untouched = Recovery(np.zeros(mounting.gain.size))
-        self.memory = FingersMemory(untouched, last_c=warmth.rest_c, counter=self._counter.memory)
+        self._rest_c = warmth.rest_c
+        self.start_anew()
         self.unfelt_variance = np.tile(square(UNFELT), (len(mounting.magnets), 1))
         self._poses: tuple[FingersReading, Poses] | None = None  # of the last requested reading
         self._values_for_poses = needed_values(len(pad.magnets))
@@ -95,6 +95,11 @@ class FingersEstimator:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""
         self.memory = memory
         self._remember(memory.counter)
+
+    def start_anew(self) -> None:
+        """Forget all frames; earlier fingers keep their ids."""
+        counter = CounterMemory(next_id=self._counter.memory.next_id)
+        self.recall(FingersMemory(Recovery(np.zeros(self.mounting.gain.size)), last_c=self._rest_c, counter=counter))
 
     def forget_touch(self) -> None:
         self._counter.forget()

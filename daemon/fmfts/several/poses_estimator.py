@@ -46,9 +46,13 @@ class PosesEstimator:
         self._since_rest = SinceRest(pad, mounting, repeats_allowed, warmth)
         self._touch = TouchDetector(rate_hz, magnets=len(pad.magnets))
         self._fewest = taken_values(len(pad.magnets)) + FEWEST_SPARE
-        values, numbers = mounting.gain.size, CHANGE * len(pad.magnets)
-        now_t, change, touch = np.zeros(values), np.zeros(numbers), self._touch.memory
-        self.memory = PosesMemory(Recovery(now_t), last_c=warmth.rest_c, change=change, now_t=now_t, touch=touch)
+        self._rest_c = warmth.rest_c
+        self.start_anew()
+
+    def start_anew(self) -> None:
+        """Forget all frames."""
+        now_t, change = np.zeros(self.mounting.gain.size), np.zeros(CHANGE * len(self.pad.magnets))
+        self.recall(PosesMemory(Recovery(now_t), last_c=self._rest_c, change=change, now_t=now_t))
 
     def recall(self, memory: PosesMemory) -> None:
         """Go on from the memory of another estimator of the same pad, baseline and scene."""

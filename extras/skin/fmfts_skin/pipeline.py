@@ -36,7 +36,7 @@ BARE_ONLY = "rest not recorded: `fmfts-daemon baseline --rest` while nothing tou
 
 @dataclass(slots=True)
 class SkinPipelineMemory:
-    """Like PipelineMemory, for a pad with unknown magnets."""
+    """Like PadMemory, for a pad with unknown magnets."""
 
     alignment: AlignmentMemory
     skin: SkinMemory | None
