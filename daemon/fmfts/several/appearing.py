@@ -17,7 +17,6 @@ from fmfts.arithmetic.matrix import SingularError
 from fmfts.pad import Array
 from fmfts.several.count import FingerCounter
 from fmfts.several.estimator import FingersEstimator
-from fmfts.several.field_model import FieldModel
 from fmfts.several.fit import Fit, Fitter, Measured
 
 LEAST_SHARE = 0.1  # of the time, of a sample that is about as old as the frame's instant
@@ -27,9 +26,9 @@ class Appearing:
     """For one pad with its baseline."""
 
     def __init__(self, estimator: FingersEstimator) -> None:
-        mounting, steady = estimator.mounting, replace(estimator.scene, moment=0.0)
-        model = FieldModel(estimator.pad, mounting, estimator.response, steady)
-        self._estimator, self._counter = estimator, FingerCounter(Fitter(model), estimator.rate_hz)
+        mounting, fitter = estimator.mounting, estimator.fitter
+        steady = Fitter(fitter.model.in_scene(replace(estimator.scene, moment=0.0)), fitter.grid)
+        self._estimator, self._counter = estimator, FingerCounter(steady, estimator.rate_hz)
         self._gain, self._noise_t = mounting.gain, mounting.noise_t / mounting.gain
 
     def found(self, measured: Measured, newer_t: Array, passed_us: Array) -> tuple[Measured, Fit] | None:

@@ -14,6 +14,7 @@ press's place is relative to the rest of each magnet, which is known to σ_D.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -84,9 +85,14 @@ class FieldModel:
             place.reshape(2 * len(drawn), -1) + SMALLEST_M * SMALLEST_M * np.eye(2 * len(drawn))
         )
         self._rest_slope = field_and_slope(mounting.magnets, mounting.frames, mounting.sensors)[1]
-        # The model as several.h reads it, and the work space of C.
-        self.packed, self.work = self._packed(), np.zeros(_several.WORK_BYTES // 8)
-        self.parts = self.packed, self.work
+        self._pack()
+
+    def in_scene(self, scene: Scene) -> FieldModel:
+        """The same pad in another scene, which changes no field, and so no template of a grid."""
+        other = copy(self)
+        other.scene = scene
+        other._pack()
+        return other
 
     def predict(self, fingers: Array) -> Predicted:
         """The change of the field by `fingers` (K, 3)."""
@@ -109,8 +115,12 @@ class FieldModel:
         _several.covariance(*self.parts, *given, covariance)
         return covariance
 
+    def _pack(self) -> None:
+        """Make the model as several.h reads it, and the work space of C."""
+        self.packed, self.work = self._packed(), np.zeros(_several.WORK_BYTES // 8)
+        self.parts = self.packed, self.work
+
     def _packed(self) -> Array:
-        """The whole model in the form of several.h."""
         mounting, response, scene = self.mounting, self.response, self.scene
         magnets, sensors, errors = mounting.magnets, mounting.sensors, mounting.errors
         head = Record(_several.HEAD)

@@ -100,15 +100,16 @@ def limit(probability: float, values: int, fingers: int) -> float:
 class Fitter(Scan):
     """Fits fingers to the fields of one mounted pad.
 
-    A present value that is not finite raises a ValueError that names it. One Fitter is for one thread.
+    A present value that is not finite raises a ValueError that names it. One Fitter is for one thread. grid: of another
+    Fitter of the pad, in any scene; None: it is made, which takes milliseconds.
     """
 
-    def __init__(self, model: FieldModel) -> None:
+    def __init__(self, model: FieldModel, grid: Grid | None = None) -> None:
         response = model.response
         farthest = FARTHEST_LOAD * response.scale_n
         self._lowest = np.array([response.first_mm, response.first_mm, 0.0])
         self._highest = np.array([response.last_mm, response.last_mm, farthest])
-        grid = Grid(model)
+        grid = Grid(model) if grid is None else grid
         self.places = grid.places
         packed, scan_room = grid.packed()
         search, self._short_search = (
