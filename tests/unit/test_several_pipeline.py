@@ -104,6 +104,8 @@ def test_poses_go_with_the_fingers() -> None:
     pressed = told(ready(), frames(5, steady_finger(-6e-3, -6e-3, 1.0)))[-1]
     assert isinstance(rest.poses, list)
     assert isinstance(pressed.poses, list)
+    assert rest.poses[0].ambient_t is not None
+    assert pressed.poses[0].ambient_t is None  # its deviation under a finger is not kept
     down = [after.position_m[2] - before.position_m[2] for before, after in zip(rest.poses, pressed.poses, strict=True)]
     assert down[3] < -4e-4
     assert down[3] < min(down[:3])
@@ -183,7 +185,7 @@ def test_press_beyond_table_publishes_only_a_lower_bound() -> None:
     message = told(ready(), frames(8, steady_finger(2e-3, 2e-3, 4.0)))[-1]
     assert (message.contact, message.over_range, message.contacts, message.force_n) == (True, True, None, None)
     assert message.force_min_n == pytest.approx(3.0, abs=0.1)
-    assert message.poses is None
+    assert message.poses is message.now is None
 
 
 def test_missing_rest_baseline_says_what_to_do() -> None:
