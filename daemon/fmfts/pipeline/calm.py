@@ -25,7 +25,7 @@ class CalmFrames:
         magnets, sure_t = mounting.magnets, SURE_DEVIATIONS * mounting.noise_t
         rest = magnets.position_m, magnets.axis, estimator.unfelt_variance, sure_t
         untouched = np.concatenate([np.ravel(each) for each in rest])
-        limits, samples = estimator.calm_limits, estimator.rest_samples
+        limits, samples = estimator.calm_limits, estimator.since_rest.rest
         given = fitter.model.packed, fitter.search, fitter.model.work, limits, samples, untouched
         frames.bind(*given, followed)
         values = mounting.noise_t.size
@@ -44,7 +44,7 @@ class CalmFrames:
             counter.ids,
             before,
             memory.recovery.recent_t,
-            self._estimator.factors,
+            self._estimator.since_rest.factors,
             temperature_c,
         )
         if len(told) == 2:

@@ -133,7 +133,7 @@ class FollowedFinger:
         if seen is None:
             return None
         newest, fit = seen
-        put_fit(self._found, fit, newest.field_t, self._estimator.moment)
+        put_fit(self._found, fit, newest.field_t, self._estimator.since_rest.moment)
         return self._found.buffer
 
     def early(self, early: EarlySample) -> bytes | None:

@@ -67,7 +67,7 @@ def _put_fingers(
     found: Record, reading: FingersReading, fit: Fit, change_t: Array, estimator: FingersEstimator
 ) -> None:
     """No poses beyond the table, where what fingers do is unknown."""
-    put_fit(found, fit, change_t, estimator.moment)
+    put_fit(found, fit, change_t, estimator.since_rest.moment)
     found.fill({"has_fingers": 1, "over_range": reading.over_range, "id": reading.ids})
     if reading.least_variance is not None:
         found.fill({"has_least": 1, "least": reading.least_variance})

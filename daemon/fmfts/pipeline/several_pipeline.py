@@ -154,7 +154,9 @@ class SeveralPipeline(RememberingPipeline):
         """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
         take 15 ms, in which all other pads wait."""
         self._memory.fill(first_memory(self.pad, None))
-        self._forget_now()
+        self._has_now = False
+        if self._followed is not None:
+            self._followed.forget()
         if self._estimator is not None:
             self._estimator.start_anew()
 
@@ -219,11 +221,6 @@ class SeveralPipeline(RememberingPipeline):
         payload = self._followed.early(early)
         return None if payload is None else EncodedMessage.of(payload, self._frames.compiled)
 
-    def _forget_now(self) -> None:
-        self._has_now = False
-        if self._followed is not None:
-            self._followed.forget()
-
     @property
     def memory(self) -> PadMemory:
         memory, estimator = super().memory, self._estimator
@@ -245,7 +242,7 @@ class SeveralPipeline(RememberingPipeline):
         """The message to publish while no frame can be used. It ends the touch: the finger may be gone."""
         if self._estimator is not None:
             self._estimator.forget_touch()
-        self._forget_now()
         self.missing = {}
         reading = FingersReading(health, reason, np.zeros((len(self.pad.sensors), 3), dtype=np.bool_))
-        return self._frames.message(reading, None)[0].message
+        message, self._has_now = self._frames.message(reading, None)
+        return message.message

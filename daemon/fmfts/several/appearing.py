@@ -38,7 +38,7 @@ class Appearing:
         passed_us (N,): how much later they are.
         """
         share = np.maximum(passed_us / max(float(passed_us.max()), 1.0), LEAST_SHARE)[:, None]
-        risen_t = (newer_t / (share * self._gain * self._estimator.moment)).ravel()
+        risen_t = (newer_t / (share * self._gain * self._estimator.since_rest.moment)).ravel()
         since = replace(measured, field_t=risen_t, variance_t2=square(self._noise_t / share).ravel())
         newest = replace(since, field_t=measured.field_t + risen_t)
         try:

@@ -52,15 +52,15 @@ LONGEST_GAP_S = 0.05
 class FingersEstimator:
     """Field → fingers of a pad that has a baseline.
 
-    repeats_allowed (N, 3): of an axis that is not stuck.
+    repeats_allowed (N, 3): of an axis that is not stuck. since_rest: of the last frame, also for C.
     """
 
     def __init__(self, model: FieldModel, rate_hz: float, repeats_allowed: Array, warmth: Warmth = CONSTANT) -> None:
         pad, mounting = model.pad, model.mounting
         self.pad, self.mounting, self.response, self.scene = pad, mounting, model.response, model.scene
         self.rate_hz, self.repeats_allowed = rate_hz, repeats_allowed
-        self._since_rest = SinceRest(pad, mounting, repeats_allowed, warmth)
-        self.silicone = self._since_rest.silicone
+        self.since_rest = SinceRest(pad, mounting, repeats_allowed, warmth)
+        self.silicone = self.since_rest.silicone
         self._longest_gap_s = max(LONGEST_GAP_S, (RELEASE_FRAMES + 0.5) / rate_hz)
         self.fitter = Fitter(model)
         self._counter = FingerCounter(self.fitter, rate_hz)
@@ -76,11 +76,6 @@ class FingersEstimator:
         self._values_for_poses = needed_values(len(pad.magnets))
         # Of a force of zero: the largest force that goes undetected at the least sensitive place.
         self.quiet_force_sd_n = self._counter.detection_limit_n(mounting.noise_t / mounting.gain) / sqrt(3.0)
-
-    @property
-    def moment(self) -> float:
-        """Factor on all moments since the baseline, in the last frame."""
-        return self._since_rest.moment
 
     def poses(self, reading: FingersReading) -> tuple[Magnets, Array]:
         """The magnets of the last frame, and the variances (M, 5) of their changes since rest: from the fingers'
@@ -111,30 +106,20 @@ class FingersEstimator:
             poses = self._poses_of(reading, reading.fit, reading.measured, True)
         if poses is None:
             return None
-        return sighted(self.mounting, poses, self._since_rest.moment, self.scene.moment)
+        return sighted(self.mounting, poses, self.since_rest.moment, self.scene.moment)
 
     def _poses_of(self, reading: FingersReading, fit: Fit, measured: Measured, for_neighbours: bool) -> Poses:
         """Computed once a frame: for neighbouring pads, which need its covariance, before its message."""
         if self._poses is None or self._poses[0] is not reading:
-            self._poses = reading, poses_of(self.fitter, fit, measured, self._since_rest.around_t, for_neighbours)
+            self._poses = reading, poses_of(self.fitter, fit, measured, self.since_rest.around_t, for_neighbours)
         return self._poses[1]
-
-    @property
-    def rest_samples(self) -> Array:
-        """What C needs of the mounting (since_rest.h)."""
-        return self._since_rest.rest
-
-    @property
-    def factors(self) -> Array:
-        """Of the last frame, as since_rest.h has them."""
-        return self._since_rest.factors
 
     def begin(self, aligned: Aligned, temperature_c: float | None) -> None:
         """Of each frame, before anything else."""
         memory = self.memory
         elapsed_s = begun(aligned, memory, self._longest_gap_s, self._counter.forget)
         memory.recovery.pass_time(elapsed_s, pressed=memory.counter.count > 0)
-        self._since_rest.begin(temperature_c, memory, elapsed_s)
+        self.since_rest.begin(temperature_c, memory, elapsed_s)
 
     def goes_on(self, fingers: Array, ambient_t: Array) -> None:
         """The same fingers press as in the last frame, which was calm."""
@@ -159,7 +144,7 @@ class FingersEstimator:
         """What a frame says that C has not looked at, after `begin`."""
         memory, fingers = self.memory, self.memory.counter.fingers
         now_t = self.fitter.model.predict(fingers).field_t if len(fingers) else None
-        return Seen(*self._since_rest.measured(aligned, neighbours, memory, now_t))
+        return Seen(*self.since_rest.measured(aligned, neighbours, memory, now_t))
 
     def look(self, seen: Seen, missing: Mapping[int, str], may_search: bool) -> FingersReading:
         """A closer look at a frame. The arguments are those of `read`."""
@@ -192,14 +177,14 @@ class FingersEstimator:
         # A search takes long, and steel that lies beside the pad would make it each frame.
         is_searched, number = searches.is_searched(memory.unexplained), searches.number_of(memory.unexplained)
         if not (is_searched or memory.more):
-            nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self._since_rest.around_t)
+            nobody = self.fitter.fit(np.zeros((0, FINGER)), measured.only(used), self.since_rest.around_t)
             if nobody.chi2 > nobody.limit(UNEXPLAINED):
                 reading = self._unexplained(nobody, self._free_poses(measured, used), used)
                 return reading if reading.free is None else reading._replace(reason=reasons.NOT_SEARCHED_PRESS)
         before = memory.counter.copy()
         for_finger = may_search and (number % 2 == 0 or not is_searched)
         seen = measured.only(used)
-        counted = self._counter.update(seen, self._since_rest.around_t, for_finger, before_fit)
+        counted = self._counter.update(seen, self.since_rest.around_t, for_finger, before_fit)
         fit, explained = counted.fit, counted.fit.chi2 <= counted.fit.limit(UNEXPLAINED)
         odd, search = None, counted.search
         if is_searched and not explained:
@@ -225,7 +210,7 @@ class FingersEstimator:
             memory.left_out, memory.agrees_frames = odd.sensor, 0
             self._remember(odd.memory)
             seen = measured.only(used)
-            counted = self._counter.update(seen, self._since_rest.around_t, may_search=False)
+            counted = self._counter.update(seen, self.since_rest.around_t, may_search=False)
             fit, explained = counted.fit, counted.fit.chi2 <= counted.fit.limit(UNEXPLAINED)
         left_out = memory.left_out
         if odd is None and explained and left_out >= 0:
@@ -246,18 +231,18 @@ class FingersEstimator:
             fit = replace(fit, covariance=fit.covariance + hidden)
         if doubt:
             health, reason = "degraded", "; ".join(filter(None, (reason, doubt)))
-        least = valley_variance(self.fitter, alone, seen, self._since_rest.around_t) if len(fit.fingers) else None
+        least = valley_variance(self.fitter, alone, seen, self.since_rest.around_t) if len(fit.fingers) else None
         return FingersReading(health, reason, used, fit, counted.ids, False, over_range, seen, least, search)
 
     def refit(self, fingers: Array, measured: Measured) -> Fit:
         """The most likely fingers near these, by other samples than a frame's. Nothing is remembered."""
-        return self.fitter.fit(fingers, measured, self._since_rest.around_t)
+        return self.fitter.fit(fingers, measured, self.since_rest.around_t)
 
     def _odd_sensor(self, measured: Measured, there: Mask, before: CounterMemory, number: int) -> Odd | None:
         if number % 2 == 0:
-            return odd_sensor(self.fitter, measured, there, self._since_rest.around_t, before)
+            return odd_sensor(self.fitter, measured, there, self.since_rest.around_t, before)
         self._cold.memory.next_id = self.memory.counter.next_id
-        return is_odd(number // 2 % len(there), measured, there, self._since_rest.around_t, self._cold)
+        return is_odd(number // 2 % len(there), measured, there, self.since_rest.around_t, self._cold)
 
     def _remember(self, counter: CounterMemory) -> None:
         self.memory.counter = self._counter.memory = counter
@@ -272,12 +257,12 @@ class FingersEstimator:
         """The gain of one more finger; None if more than `suspicious` of healthy frames have such a χ²."""
         if fit.chi2 <= fit.limit(suspicious):
             return None
-        root = self.fitter.whitener(fit.fingers, seen, self._since_rest.around_t)
+        root = self.fitter.whitener(fit.fingers, seen, self.since_rest.around_t)
         return self.fitter.another(root, fit.fingers, seen)
 
     def _try_again(self, measured: Measured, there: Mask, fit: Fit) -> None:
         """Use a sensor that was left out again, when it has agreed for long enough."""
-        again = self.fitter.fit(fit.fingers, measured.only(there), self._since_rest.around_t)
+        again = self.fitter.fit(fit.fingers, measured.only(there), self.since_rest.around_t)
         note_agreement(self.memory, there, again.chi2 - fit.chi2)
 
     def _unexplained(self, fit: Fit, free: FreePoses | None, used: Mask, search: Search = "none") -> FingersReading:
@@ -297,7 +282,7 @@ class FingersEstimator:
             return None
         at_rest, seen = np.zeros(CHANGE * len(self.mounting.magnets)), measured.only(used)
         try:
-            poses = free_poses(self.fitter.model, at_rest, seen, self._since_rest.around_t)
+            poses = free_poses(self.fitter.model, at_rest, seen, self.since_rest.around_t)
         except SingularError:
             return None
         return poses if is_explained(poses, used) else None
