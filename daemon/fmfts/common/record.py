@@ -20,6 +20,8 @@ class Record:
     def __init__(self, fields: Sequence[Field]) -> None:
         dtype = np.dtype([(name, kind, (count,)) if count else (name, kind) for name, kind, count in fields])
         self._values = np.zeros((), dtype)
+        # NumPy takes a microsecond to find a field, and a frame may write twenty.
+        self._views: Values = {name: self._values[name] for name in dtype.names or ()}
 
     @property
     def buffer(self) -> memoryview:
@@ -32,8 +34,7 @@ class Record:
         return self._values.reshape(1).view(np.float64)
 
     def __getitem__(self, name: str) -> Array:
-        part: Array = self._values[name]
-        return part
+        return self._views[name]
 
     def number(self, name: str) -> float:
         return float(self._values[name])
@@ -42,12 +43,14 @@ class Record:
         return int(self._values[name])
 
     def put(self, name: str, value: Numbers) -> None:
-        """Write `value` to the start of a field. ValueError where the field is too short."""
-        part = self._values[name]
+        """Write `value` to the start of a field. ValueError where the field is too short, or there is none."""
+        if name not in self._views:
+            raise ValueError(f"no field of name {name}")
+        part = self._views[name]
         if part.ndim == 0:
-            self._values[name] = value
+            part[...] = value
             return
-        flat = np.ravel(np.asarray(value))
+        flat = value.ravel() if isinstance(value, np.ndarray) else np.ravel(value)
         if len(flat) > len(part):
             raise ValueError(f"{name}: {len(flat)} values, room for {len(part)}")
         part[: len(flat)] = flat
