@@ -21,23 +21,22 @@ from fmfts.config import (
 from fmfts.config.file import load
 from fmfts.contact import ContactModel
 from fmfts.contact.response import Response
-from fmfts.scene import (
-    LOAD_SHARES,
-    PLACES_MM,
-    Cost,
-    Model,
-    Surroundings,
-    advice,
-    configured,
-    costs,
-    placed_beside,
-    recommended,
-)
 from fmfts.sensor.chips import NOISE_T
 from fmfts_calibrate.dataset import standard_pad
 from fmfts_calibrate.samples import Samples
 from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.calibration.simulated import rest_field_of
+from fmfts_lab.scene import (
+    LOAD_SHARES,
+    PLACES_MM,
+    Cost,
+    Model,
+    Surroundings,
+    configured,
+    costs,
+    placed_beside,
+    recommended,
+)
 from fmfts_lab.study.harness import Request
 from fmfts_lab.study.scene_facts import largest_field_gauss, limits, recommended_range_gauss, would_pay
 from fmfts_lab.study.scene_networks import Networks
@@ -198,19 +197,6 @@ def test_larger_model_pays_where_the_docs_say_so(response: Response) -> None:
     for share, cylinder in ((0.9, False), (1.1, True)):
         stronger = Surroundings(weak, response, noise_t=surroundings.noise_t / (factor * share))
         assert recommended(costs(stronger)).model.cylinder is cylinder
-
-
-def test_daemon_advises_if_the_model_has_more_or_less_than_needed(response: Response) -> None:
-    named = pad(scene=SceneConfig(neighbours=("two",)))
-    assert advice(pad(), [pad()], response, None) is None
-    assert advice(named, [named, beside(20.0)], response, None) is None
-    unnamed = advice(pad(), [pad(), beside(20.0)], response, None)
-    assert unnamed is not None
-    assert "less than its scene needs" in unnamed
-    assert "recommended: 8 unknowns, cylinder, with two" in unnamed
-    far = advice(named, [named, beside(75.0)], response, None)
-    assert far is not None
-    assert "more than its scene needs" in far
 
 
 def test_only_pads_whose_place_is_known_are_beside() -> None:

@@ -19,13 +19,11 @@ from fmfts_recording.replay import Replay
 
 PACKAGE = Path(fmfts.__file__).parent
 RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.mcap"))
-# Everything from the configuration and a baseline's file on that a message depends on; code that only advises in the
-# log does not count.
+# Everything from the configuration and a baseline's file on that a message depends on.
 ROOMS = ["baseline", "common", "config", "contact", "several", "pipeline", "pose", "runtime", "scene", "sensor"]
 FILES = ["pad.py"]
 SKIN = Path(fmfts_skin.__file__).parent  # its modules, without the folder that makes models
-ELSEWHERE = {"advice.py", "candidate.py", "error_budget.py"}
-ELSEWHERE.add("weighing.py")  # measures a value that the baseline's file then keeps as a number, as a scale would
+ELSEWHERE = {"weighing.py"}  # measures a value that the baseline's file then keeps as a number, as a scale would
 # Functions of NumPy and math that move numbers, compare them, or round as IEEE 754 defines: + − × ÷ √ in a fixed order.
 # Not BLAS, LAPACK, functions with wide vectors, nor the C library's functions: each rounds as the processor chooses.
 EXACT_NAMES = """

@@ -20,7 +20,6 @@ from fmfts.pipeline.pad_pipeline import PadPipeline
 from fmfts.runtime.channel import Channel
 from fmfts.runtime.failure import sentence_of
 from fmfts.runtime.guarded import LONGEST_PAUSE_S, GuardedSource, device_of
-from fmfts.scene import advice
 from fmfts.scene.tracking import observability_warnings, scene_model_of
 from fmfts.sensor import Source, SourceError
 from fmfts.sensor.source import LackingError
@@ -117,10 +116,6 @@ def channel_of(
     channel = Channel(source, pad_index, pipeline, publisher, boot, float(config.source.rate_hz))
     channel.recorders.config, channel.baseline.origin = config, origin_of(config)
     use_baseline(channel, config, pads)
-    if isinstance(pipeline, PadPipeline) and isinstance(model, ContactModel | NoContactModel):
-        advised = advice(config, pads, model.response, pipeline.mounting)
-        if advised is not None:
-            log.info("pad '%s': %s", pad.name, advised)
     return channel
 
 

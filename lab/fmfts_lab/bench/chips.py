@@ -20,12 +20,12 @@ from fmfts.config.file import load
 from fmfts.contact import ContactModel
 from fmfts.contact.response import CHANGE, Response
 from fmfts.pad import Array
-from fmfts.scene import Surroundings
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS
 from fmfts_calibrate.likelihood import invert
 from fmfts_calibrate.tracked import FrameSolver, upright
 from fmfts_lab.bench.curvature import Curvature, curvature, weight_with_free_ambient
 from fmfts_lab.calibration.simulated import magnet_fields
+from fmfts_lab.scene import Surroundings
 from fmfts_lab.study.scene_chips import Setting, settings
 from fmfts_lab.study.scene_facts import recommended_range_gauss
 from fmfts_simulation.chip import as_counts

@@ -10,8 +10,8 @@ import numpy as np
 from fmfts.config.example import EXAMPLE_PATH
 from fmfts.config.file import load
 from fmfts.contact import ContactModel
-from fmfts.scene import Surroundings
 from fmfts.sensor.chips import CHIPS, Chip
+from fmfts_lab.scene import Surroundings
 from fmfts_lab.study.chip_facts import facts
 from fmfts_lab.study.harness import Row
 from fmfts_lab.study.scene_chips import chip_rows

@@ -1,8 +1,8 @@
 """What each kind of chip is worth at this pad: the contact's error by the Cramér–Rao bound, and saturation.
 
-The bound is that of one frame (fmfts/scene/error_budget.py), with the noise of a sample at the chip's own rate and that
-of its steps, step²/12. A chip that converts faster than it is read gives its newest sample, without averaging. "mean":
-the place's error in the mean of the frames of 1/220 s, for a faster reader.
+The bound is that of one frame (scene/error_budget.py), with the noise of a sample at the chip's own rate and that of
+its steps, step²/12. A chip that converts faster than it is read gives its newest sample, without averaging. "mean": the
+place's error in the mean of the frames of 1/220 s, for a faster reader.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import msgspec
 import numpy as np
 
 from fmfts.config import PadConfig
-from fmfts.scene import Cost, Surroundings, configured, costs
 from fmfts.sensor.chips import CHIPS, Chip
 from fmfts.sensor.chips.rates import BusLoad, i2c_rate_hz
+from fmfts_lab.scene import Cost, Surroundings, configured, costs
 from fmfts_lab.study.harness import Row
 from fmfts_lab.study.scene_facts import largest_field_gauss, recommended_range_gauss
 

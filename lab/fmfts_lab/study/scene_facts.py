@@ -12,10 +12,10 @@ import numpy as np
 from fmfts.config import BridgeSource, I2cSource, PadConfig
 from fmfts.pad import Array, Pad
 from fmfts.pose import dipole_field
-from fmfts.scene import AMBIENT_CHANGE_T, WORTH, WORTH_OF_TERM, Cost, Model, Surroundings, costs
 from fmfts.sensor.chips import CHIPS, TESLA_PER_GAUSS, Chip
 from fmfts.sensor.chips.rates import BusLoad, highest_rate_hz, i2c_rate_hz
 from fmfts_lab.calibration.simulated import magnet_fields
+from fmfts_lab.scene import AMBIENT_CHANGE_T, WORTH, WORTH_OF_TERM, Cost, Model, Surroundings, costs
 
 
 def limits(surroundings: Surroundings) -> list[str]:

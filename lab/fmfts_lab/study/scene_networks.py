@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmfts.pad import Array
-from fmfts.scene import Surroundings
 from fmfts_calibrate.network import error_in_bounds, train_network
 from fmfts_calibrate.samples import Samples, presses_within
 from fmfts_calibrate.selection import Candidate, smallest_within_noise
 from fmfts_calibrate.tracked import FrameSolver
 from fmfts_lab.calibration.simulated import rest_field_of
+from fmfts_lab.scene import Surroundings
 from fmfts_lab.study.harness import Row
 
 SIZES = (4, 6, 8, 12, 16, 24)

@@ -13,10 +13,10 @@ from fmfts.baseline.files import stored
 from fmfts.contact import ContactModel, ModelError
 from fmfts.contact.response import Response
 from fmfts.pad import Array
-from fmfts.scene import Cost, Model, Surroundings, configured, costs, placed_beside, recommended
 from fmfts.sensor.chips import NOISE_T
 from fmfts_calibrate.dataset import standard_pad
 from fmfts_calibrate.field_table import DataError
+from fmfts_lab.scene import Cost, Model, Surroundings, configured, costs, placed_beside, recommended
 from fmfts_lab.study import scene_chart, scene_chips, scene_facts
 from fmfts_lab.study.harness import Facts, Request, Row, Study, say
 from fmfts_lab.study.scene_networks import SIZES, Networks, smallest_network

@@ -13,12 +13,12 @@ from fmfts.config import PadConfig, SimulatedSource
 from fmfts.contact.response import CHANGE
 from fmfts.pad import Array, Pad
 from fmfts.pose import STOP_CONVERGED, dipole_field, solve
-from fmfts.scene import AMBIENT_CHANGE_T, Model, Surroundings
 from fmfts_calibrate.likelihood import invert
 from fmfts_calibrate.samples import presses_within
 from fmfts_calibrate.tracked import FrameSolver, Tracked, UnsolvedError, upright
 from fmfts_lab.bench.neighbours import Outcome, pressed_pair
 from fmfts_lab.calibration.simulated import magnet_fields
+from fmfts_lab.scene import AMBIENT_CHANGE_T, Model, Surroundings
 
 TURNING_DEG_PER_S = 20.0  # the robot's turn, if the ambient field drifts
 LIGHTEST_SHARE = 0.15  # share of full scale; under lighter presses the place is very uncertain

@@ -23,7 +23,7 @@ from fmfts.pose.dipole import dipole_field, octupole_m2
 from fmfts.pose.kernel import predict
 from fmfts.pose.problem import DIRECTION, measurement_rows
 from fmfts.pose.state import Neighbour
-from fmfts.scene.candidate import AMBIENT_CHANGE_T, RUNNING, UNKNOWNS, Cost, Model, Surroundings
+from fmfts_lab.scene.candidate import AMBIENT_CHANGE_T, RUNNING, UNKNOWNS, Cost, Model, Surroundings
 
 PLACES_MM, LOAD_SHARES = (-8.0, -4.0, 0.0, 4.0, 8.0), (0.15, 0.5, 1.0)
 

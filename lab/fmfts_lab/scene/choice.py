@@ -1,4 +1,4 @@
-"""Compares the smallest sufficient model with the configured one, and advises where they differ."""
+"""Chooses the smallest sufficient model, and finds the one that the configuration asks for."""
 
 from __future__ import annotations
 
@@ -6,16 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fmfts.baseline import Mounting
 from fmfts.config import PadConfig
-from fmfts.contact.response import Response
 from fmfts.pose.problem import Part
 from fmfts.pose.state import AMBIENT
-from fmfts.scene.candidate import RUNNING, Cost, Model, Surroundings
-from fmfts.scene.error_budget import costs, rms
 from fmfts.scene.neighbours import neighbours_around
 from fmfts.scene.tracking import tracking_model_for
-from fmfts.sensor.chips import CHIPS
+from fmfts_lab.scene.candidate import RUNNING, Cost, Model, Surroundings
 
 # Share by which a larger model must lower the error to be worth its unknowns, and the share for the cylinder's term,
 # which adds no unknown.
@@ -44,25 +40,6 @@ def configured(surroundings: Surroundings) -> Model:
     felt = {neighbour.name for neighbour in neighbours if neighbour.is_felt}
     names = tuple(other.name for other in surroundings.others if other.name in felt)
     return Model(8 if scene.tracking.parts[AMBIENT.start] == Part.PRIOR else 6, pad.magnet.as_cylinder, names)
-
-
-def advice(
-    config: PadConfig, pads: Sequence[PadConfig], response: Response | None, mounting: Mounting | None
-) -> str | None:
-    """A sentence for the log where the configured model has more or fewer unknowns than the scene needs, else None.
-
-    response: of the pad; None where no contact model has it: then there is no advice. mounting: from a baseline, for
-    the noise that it recorded.
-    """
-    if response is None:
-        return None
-    noise_t = CHIPS[config.source.chip].noise_t if mounting is None else rms(mounting.noise_t)
-    surroundings = Surroundings(config, response, noise_t, placed_beside(config, pads))
-    needed, has = recommended(costs(surroundings, thorough=False)).model, configured(surroundings)
-    if needed.unknown == has.unknown:  # the config has no key for the cylinder's term, which follows from the geometry
-        return None
-    how = "more" if has.unknown > needed.unknown else "less"
-    return f"the config has {how} than its scene needs: {has}; recommended: {needed} (fmfts-daemon study scene)"
 
 
 def placed_beside(config: PadConfig, pads: Sequence[PadConfig]) -> list[PadConfig]:
