@@ -15,10 +15,10 @@ import msgpack
 import zmq
 
 from end_to_end.processes import PATIENCE_S, RunningDaemon
-from fmfts.cli.companions import layout_for
 from ports import tcp_base
 
 TOPIC = "contact/left"
+LAYOUT = Path(__file__).parents[2] / "extras/foxglove/layouts/plotjuggler.xml"
 CONFIG = '[[pad]]\nname = "left"\n[pad.source]\ntype = "simulated"\n'
 
 
@@ -35,7 +35,7 @@ def series(value: Any, name: str) -> dict[str, float]:
 def test_plotjuggler_gets_the_curves_of_its_layout(tmp_path: Path) -> None:
     base = tcp_base()
     received: set[str] = set()
-    layout = ET.fromstring(layout_for("plotjuggler", "left"))
+    layout = ET.parse(LAYOUT)
     curves = {curve.attrib["name"] for curve in layout.iter("curve")}
     assert "contact/left/force_n" in curves
     skipped = 0

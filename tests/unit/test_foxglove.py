@@ -33,6 +33,15 @@ POSE = {
     "axis_sd_rad": 1e-3, "remanence_t": 1.2, "remanence_sd_t": 0.01, "ambient_t": None, "ambient_sd_t": None,
     "residual_t": 1e-7, "chi2": 3.0,
 }  # fmt: skip
+LAYOUTS = Path(__file__).parents[2] / "extras/foxglove/layouts"
+
+
+@pytest.mark.parametrize("name", ["foxglove.json", "plotjuggler.xml"])
+def test_layout_names_pads_so_that_sed_can_replace_them(name: str) -> None:
+    """As docs/foxglove.md says: `s|/left|/thumb|g`."""
+    text = (LAYOUTS / name).read_text().replace("/left", "/thumb")
+    assert "contact/thumb" in text
+    assert "left" not in text.replace('left="0"', "")
 
 
 def contact(index: int, **changed: Any) -> dict[str, Any]:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
-import xml.etree.ElementTree as ET
+import sys
 from pathlib import Path
 
 import pytest
-from test_cli import without
 
-from fmfts.cli import manual
-from fmfts.cli.main import command_line, main
-from fmfts.common import exit_codes
+from fmfts.cli.main import command_line
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "systemd"))
+
+import manual_pages as manual
 
 VERBS = manual.verbs_of(command_line())
 
@@ -88,36 +88,7 @@ def test_man_has_no_complaint_about_a_page(tmp_path: Path) -> None:
         assert shown.stderr == "", page
 
 
-def test_verb_installs_pages_and_completion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["manual", str(tmp_path)]) == 0
+def test_all_is_written_where_debian_looks_for_it(tmp_path: Path) -> None:
+    manual.main(tmp_path)
     assert (tmp_path / "share/man/man1/fmfts-daemon-baseline.1").exists()
     assert (tmp_path / "share/bash-completion/completions/fmfts-daemon").read_text() == manual.bash_completion()
-    assert f"fpath+=({tmp_path}/share/zsh/vendor-completions)" in capsys.readouterr().out
-
-
-def test_layout_of_package_not_installed_says_how_to_install_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    without(monkeypatch, "fmfts.layouts", "fmfts.views")
-    for words in (["layout", "foxglove", "--pad", "left"], ["view", "--foxglove"]):
-        assert main(words) == exit_codes.LACKING
-        assert "pip install 'fmfts[foxglove]' -e " in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("program", ["foxglove", "plotjuggler"])
-def test_layout_is_for_the_named_pad_only(
-    program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("FMFTS_CONFIG", raising=False)
-    monkeypatch.setattr("fmfts.config.file.DEFAULT_PATHS", (tmp_path / "absent.toml",))
-    for words, pad in (([], "demo"), (["--pad", "thumb-2"], "thumb-2")):
-        assert main(["layout", program, *words]) == 0
-        text = capsys.readouterr().out
-        assert f"contact/{pad}" in text
-        assert "left" not in text.replace('left="0"', "")
-        if program == "foxglove":
-            topics = json.loads(text)["configById"]["3D!fmfts"]["topics"]
-            assert list(topics) == [f"scene/{pad}", f"magnet/{pad}"]
-        else:
-            ET.fromstring(text)

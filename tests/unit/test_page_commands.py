@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
 from pathlib import Path
 
 import pytest
 
-from fmfts.cli import manual
 from fmfts.cli.main import command_line
 from pages.commands import PAGES, ROOT, Command, Known, commands_of, every_command
 
-VERBS = manual.verbs_of(command_line())
+sys.path.insert(0, str(ROOT / "systemd"))
+
+from manual_pages import verbs_of
+
+VERBS = verbs_of(command_line())
 KNOWN = Known.read()
 COMMANDS = every_command()
 PAGE = """Text `make x`.
@@ -97,7 +101,7 @@ def unknown_options(text: str) -> list[str]:
     for span in re.findall(r"(?<!`)`([^`]+)`(?!`)", re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)):
         verb = VERBS.get(next(iter(span.removeprefix("fmfts-daemon ").split()), ""))
         if verb is not None:
-            parsers = [verb, *manual.verbs_of(verb).values()]
+            parsers = [verb, *verbs_of(verb).values()]
             known = {word for one in parsers for action in one._actions for word in action.option_strings}
             given = re.findall(r"(?<![\w-])--?[a-z][\w-]*", span)
             found += [f"{span}: {word}" for word in given if word not in known]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmfts.cli.verb import AddVerb, VerbError, not_installed
@@ -18,7 +17,6 @@ log = logging.getLogger(__name__)
 
 VERBS = "fmfts.verbs"  # entry points: functions that take an AddVerb
 VIEWS = "fmfts.views"  # functions that `view` calls, by their package's extra
-LAYOUTS = "fmfts.layouts"  # paths, by the program that reads them
 CONFIGURATIONS = "fmfts.configurations"  # by the name of the table that it reads: a subclass of Config
 OPTIONS = "fmfts.options"  # parts that options of this package's verbs need, by the package's extra
 # Each verb's line of help, and its package: the laboratory, or an extra of this one.
@@ -75,15 +73,13 @@ def refuse(options: argparse.Namespace) -> int:
     raise not_installed(options.verb, OF_VERB[options.verb][1])
 
 
-def layout(package: str) -> Path:
-    """A layout for the program of this name. Raises VerbError if its package is not installed."""
-    path: Path = _required(LAYOUTS, package, f"layout {package}")
-    return path
-
-
 def option(what: str) -> Any:
     """The part of another package that an option of OF_OPTION needs. Raises VerbError if it is not installed."""
-    return _required(*OF_OPTION[what], what)
+    group, package = OF_OPTION[what]
+    found = _added(group, package, what)
+    if found is None:
+        raise not_installed(what, package)
+    return found
 
 
 def require(what: str) -> None:
@@ -105,13 +101,6 @@ def mark_absent(verb: argparse.ArgumentParser) -> None:
 
 def _is_installed(group: str, package: str) -> bool:
     return any(point.name == package for point in entry_points_of(group))
-
-
-def _required(group: str, package: str, what: str) -> Any:
-    found = _added(group, package, what)
-    if found is None:
-        raise not_installed(what, package)
-    return found
 
 
 def _added(group: str, package: str, what: str) -> Any:

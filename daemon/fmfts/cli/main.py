@@ -14,7 +14,6 @@ from typing import Any
 
 from fmfts import __version__
 from fmfts.cli import check_config, elsewhere, on_device
-from fmfts.cli import companions as companion_verbs
 from fmfts.cli import init_config as init_verb
 from fmfts.cli import keys as keys_verb
 from fmfts.cli import weigh as weigh_verb
@@ -134,7 +133,6 @@ def _parser(requested: str | None, only_installed: bool = False) -> argparse.Arg
     with_json(listen)
     init_verb.add_to(verb)
     keys_verb.add_to(verb)
-    companion_verbs.add_to(verb)
     if requested not in verbs.choices:
         elsewhere.add_to(verb, only_installed)
         if requested is not None and not requested.startswith("-") and requested not in verbs.choices:

@@ -1,4 +1,4 @@
-"""Manual pages, and completion for bash and zsh, made of the parser itself: `python -m fmfts.cli.manual FOLDER`."""
+"""Manual pages, and completion for bash and zsh, made of the parser itself: `python systemd/manual_pages.py FOLDER`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def bash_completion() -> str:
     """Completes verbs after the program, options after a verb, and files elsewhere."""
     verbs = verbs_of(command_line())
     cases = "\n".join(f'        {name}) words="{" ".join(_words(verb))}" ;;' for name, verb in verbs.items())
-    return f"""# bash completion of {PROGRAM}, made by `python -m fmfts.cli.manual`
+    return f"""# bash completion of {PROGRAM}, made by systemd/manual_pages.py
 _fmfts_daemon() {{
     local current="${{COMP_WORDS[COMP_CWORD]}}" words=""
     if [ "$COMP_CWORD" -eq 1 ]; then
@@ -66,7 +66,7 @@ def zsh_completion() -> str:
         for name, verb in verbs.items()
     )
     return f"""#compdef {PROGRAM}
-# made by `python -m fmfts.cli.manual`
+# made by systemd/manual_pages.py
 local -a choices
 if (( CURRENT == 2 )); then
     choices=(
