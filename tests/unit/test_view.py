@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import time
 from typing import Any
 
@@ -14,7 +13,7 @@ from rich.console import Console
 
 from fmfts.bus.encoding import encode
 from fmfts.view.history import History
-from fmfts.view.picture import as_svg, render_contact, tilt_deg
+from fmfts.view.picture import render_contact, tilt_deg
 from fmfts.view.tally import Tally, now_line
 from fmfts_client import Contact, Status
 
@@ -93,17 +92,6 @@ def test_tilt_is_the_angle_to_the_normal() -> None:
     assert tilt_deg((0.0, 0.0, 1.0)) == 0.0
     assert tilt_deg((0.0, 0.70711, 0.70711)) == pytest.approx(45.0)
     assert tilt_deg((0.1, 0.0, -0.995)) == pytest.approx(5.739, abs=1e-3)
-
-
-def test_svg_needs_no_network() -> None:
-    svg = as_svg(render_contact(contact()), "listen")
-    assert svg.startswith("<svg")
-    assert "●" in svg
-    assert "url(" not in svg.replace("url(#", "")
-    assert re.findall(r"https?://[^\"\s<]+", svg.replace("http://www.w3.org/2000/svg", "")) in (
-        [],
-        ["https://www.textualize.io"],
-    )
 
 
 def test_summary_counts_what_was_lost_detected_and_missing() -> None:

@@ -1,29 +1,18 @@
-"""Draws a contact: the pad from above, and all its numbers beside it.
-
-`python -m fmfts.view.picture OUT.svg` draws the first touch that a running daemon reports.
-"""
+"""Draws a contact: the pad from above, and all its numbers beside it."""
 
 from __future__ import annotations
 
-import argparse
-import io
 import math
-import re
-import sys
-from pathlib import Path
 
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from fmfts.common import exit_codes
 from fmfts.view.history import History
-from fmfts.view.places import sensor_places
 from fmfts.view.surface import FULL_BAR_N, Places, force_style, surface
 from fmfts.view.tally import displacement_text
-from fmfts_client import Client, Contact, EndpointError, Finger, Pose, SchemaError, Status
-from fmfts_client.endpoints import for_client
+from fmfts_client import Contact, Finger, Pose, Status
 
 HALF_COLUMNS = 20  # a column is 1 mm wide; a row is twice as high
 WIDTH, COMPACT_WIDTH = 77, 57  # columns of a picture with figures beside the surface
@@ -182,51 +171,3 @@ def _bar(contact: Contact) -> Text:
     force_n = contact.force_min_n if contact.over_range else contact.force_n
     filled = 0 if force_n is None else min(max(round(force_n / FULL_BAR_N * BAR_COLUMNS), 0), BAR_COLUMNS)
     return Text("█" * filled, force_style(contact)) + Text("░" * (BAR_COLUMNS - filled), "bright_black")
-
-
-def as_svg(renderable: RenderableType, title: str) -> str:
-    """The picture as SVG, in the reader's own monospaced font: its page loads no font from the network."""
-    console = Console(record=True, width=80, file=io.StringIO(), force_terminal=True)
-    console.print(renderable)
-    return re.sub(r"@font-face\s*\{[^}]*\}\s*", "", console.export_svg(title=title))
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m fmfts.view.picture", description=__doc__)
-    parser.add_argument("out", type=Path, help="the SVG file to write")
-    parser.add_argument("--pad", default="demo")
-    parser.add_argument(
-        "--force-n", type=float, default=0.5, help="the lightest touch to draw (default: %(default)s N)"
-    )
-    parser.add_argument("--seconds", type=float, default=60.0, help="how long to wait for one (default: %(default)s)")
-    options = parser.parse_args()
-    try:
-        with Client(options.pad) as client:
-            contact = _first_touch(client, options.force_n, options.seconds)
-            arrival_s = None if contact is None else contact.sample_age_s
-            status, rate_hz = client.status, client.rate_hz
-    except (EndpointError, SchemaError) as error:
-        print(error, file=sys.stderr)
-        return exit_codes.UNAVAILABLE
-    if contact is None:
-        print(f"pad '{options.pad}': no touch of {options.force_n} N in {options.seconds:g} s", file=sys.stderr)
-        return exit_codes.UNAVAILABLE
-    sensors_m = sensor_places(for_client()).get(options.pad, ())
-    picture = render_contact(contact, status, rate_hz, arrival_s, sensors_m=sensors_m)
-    options.out.write_text(as_svg(picture, "fmfts-daemon listen"), encoding="utf-8")
-    return 0
-
-
-def _first_touch(client: Client, force_n: float, seconds: float) -> Contact | None:
-    started_ns = None
-    for contact in client.contacts(timeout_s=seconds):
-        started_ns = started_ns or contact.t_publish_ns
-        if client.freq_ok and contact.valid and contact.contact and (contact.force_n or 0.0) >= force_n:
-            return contact
-        if contact.t_publish_ns - started_ns > seconds * 1e9:
-            return None
-    return None
-
-
-if __name__ == "__main__":
-    sys.exit(main())
