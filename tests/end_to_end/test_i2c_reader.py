@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from end_to_end.kernel_bus import PATIENCE_S, KernelBus, all_valid, kernel_bus, pad, run
-from fmfts.sensor import Frame, SourceError
+from fmfts.sensor import Frame
 from fmfts.sensor.i2c.source import I2c
 from fmfts.sources import on_i2c
 
@@ -99,26 +99,6 @@ def test_closing_ends_the_reader(kernel: KernelBus) -> None:
     source.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
-
-
-@pytest.mark.parametrize(
-    ("pads", "words"),
-    [
-        ([{"clock_hz": 100_000, "rate_hz": 220}], "4 sensors at 220 Hz are more than I2C bus 7 carries at 100000 Hz"),
-        ([{"rate_hz": 160, "trigger": "simultaneous"}], "at most 128 Hz"),
-        ([{"rate_hz": 200, "trigger": "simultaneous"}], "at most 160 Hz are possible"),
-        ([{"rate_hz": 220, "chip": "hmc5883l"}], "at most 75 Hz are possible"),
-        ([{"range_gauss": 3.0}], "no range of ±3.0 G"),
-        ([{}, {}], "pads 'pad0' and 'pad1' both use channel 0 of mux 0x70"),
-        ([{"channels": (0, 1, 1, 2)}], "every sensor needs a channel of its own"),
-        ([{"channels": (0, 1, 2)}], "3 channels, but 4 places"),
-        ([{"mux_address": 0x70 + i} for i in range(4)], "4 pads on one I2C bus"),
-    ],
-)
-def test_impossible_setting_is_refused_before_opening(pads: list[dict], words: str) -> None:
-    with pytest.raises(SourceError, match="pad") as refusal:
-        I2c({index: on_i2c(pad(f"pad{index}", **options)) for index, options in enumerate(pads)})
-    assert words in str(refusal.value)
 
 
 def test_three_pads_fit_on_one_bus_at_220_hz() -> None:

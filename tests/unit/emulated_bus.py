@@ -106,7 +106,7 @@ def emulated_pad(
     bus = EmulatedBus(clock, Bus([Tca9548a(0x70, dict(enumerate(chips)))]) if muxed else Bus([], chips))
     addresses = (CHIPS[chip].address,) * len(chips) if muxed else tuple(one.address for one in chips)
     muxes, channels = ((0x70,) * len(chips), tuple(range(len(chips)))) if muxed else ((), ())
-    wiring = PadWiring("left", muxes, channels, addresses)
+    wiring = PadWiring(muxes, channels, addresses)
     switches = Switches(bus, {0x70} if muxed else set())
     settings = Settings(gain_code, rate_hz, trigger)
     return I2cPad(bus, switches, wiring, 0, settings, CHIPS[chip]), bus  # type: ignore[arg-type]

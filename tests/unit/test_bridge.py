@@ -328,11 +328,6 @@ def test_pad_that_the_board_lacks_is_named(board: Board) -> None:
     bridge.close()
 
 
-def test_malformed_uid_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="24 hex digits"):
-        Bridge({0: pad(tmp_path / "port", uid="123")})
-
-
 def test_selftest_brings_counts_and_gain_factors(board: Board) -> None:
     bridge = Bridge({0: pad(board.link)})
     with pytest.raises(SourceError, match="no self-test"):

@@ -39,6 +39,7 @@ force_limit_n = 3
 origin_mm = [100, 100]
 clear_z_mm = 20
 """
+MLX = 'chip = "mlx90393"\n'
 I2C = '[[pad]]\nname = "i"\n[pad.source]\ntype = "i2c"\nbus = 1\n'
 SIXTEEN = [[i, 0, 0] for i in range(0, 32, 2)]
 TWO_MUXES = (
@@ -267,6 +268,8 @@ def test_wrong_key_or_type_is_named_with_what_is_allowed(tmp_path: Path, text: s
         (I2C + "mux_addresses = [0x70, 0x71, 0x70, 0x71]\nchannels = [0, 0, 1, 0]", "each sensor needs a channel of its own: sensors 2 and 4 are both at 0x1e on channel 0 of mux 0x71"),
         (I2C + "rate_hz = 75\nmux_addresses = [0x70, 0x70, 0x71, 0x71]\n" + I2C.replace('"i"', '"j"') + "rate_hz = 75\nmux_address = 0x71\nchannels = [3, 4, 5, 6]", "pad 'j' (second [[pad]]): source.channels = [3, 4, 5, 6]: pad 'i' reads the same sensors"),
         (PAD + "[pad.geometry]\nsensors_mm = [[8, 8, 0], [8, -8, 0], [8, 8, 0.5]]", "geometry.sensors_mm, sensor 3 = [8, 8, 0.5]: is within 1 mm of sensor 1 (these are millimetres)"),
+        ("".join(I2C.replace('"i"', f'"{name}"') + f"rate_hz = 50\nmux_address = {mux}\n" for name, mux in zip("ijkl", range(0x70, 0x74), strict=True)), "pad 'l' (fourth [[pad]]): source.bus = 1: at most 3 pads on one bus: i, j, k are there already"),
+        (I2C + "rate_hz = 75\n" + MLX + "channels = []\naddresses = [12, 13, 14, 15]\n" + I2C.replace('"i"', '"j"') + "rate_hz = 75\n" + MLX, "pad 'j' (second [[pad]]): source.channels: pad 'i' has a chip at 0x0c straight on the bus, which would answer"),
         (PAD + "[pad.geometry]\nsensor_rotations_deg = [[0, 0, 90]]", "either empty or one rotation vector for each of the 4 sensors, not 1"),
         (PAD + "[pad.magnet]\nrest_axis = [0, 0, 0]", "magnet.rest_axis = [0, 0, 0]: the length of this vector is 0: give a direction"),
         (PAD + "[pad.magnet]\nrest_mm = [0, 0, -12]", "magnet.rest_mm = [0, 0, -12]: the magnet rests above the sensors"),

@@ -65,7 +65,6 @@ def test_pads_of_one_device_share_one_source() -> None:
             [i2c("a", 1), i2c("b", 1, 0x71, range_gauss=4.0)],
             "pads 'a' and 'b' share a device but differ in range_gauss",
         ),
-        ([i2c("a", 1), i2c("b", 1)], "pads 'a' and 'b' both use channel 0"),
     ],
 )
 def test_pads_that_cannot_share_are_named(pads: list[PadConfig], words: str) -> None:

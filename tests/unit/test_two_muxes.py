@@ -28,7 +28,7 @@ def wide_pad(clock: Clock, muxes: tuple[int, ...] = MUXES, trigger: int = 0) -> 
         chip = Hmc5983(clock, field_gauss=(0.05 * (number + 1), 0.1, 0.3), phase_s=0.0005 * number)
         emulated[address - 0x70].channels[channel] = chip
     bus = EmulatedBus(clock, Bus(emulated))
-    wiring = PadWiring("wide", muxes, CHANNELS, (0x1E,) * 16)
+    wiring = PadWiring(muxes, CHANNELS, (0x1E,) * 16)
     pad = I2cPad(bus, Switches(bus, set(muxes)), wiring, 0, Settings(3, RATE_HZ, trigger), CHIPS["hmc5983"])  # type: ignore[arg-type]
     pad.configure(pad.settings)
     return pad, bus

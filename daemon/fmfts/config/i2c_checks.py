@@ -8,7 +8,7 @@ from fmfts.config import I2cSource, PadConfig
 from fmfts.config.section import Problem
 from fmfts.sensor.chips import CHIPS
 from fmfts.sensor.chips.rates import BusLoad, i2c_rate_hz
-from fmfts.sensor.wire.packets import MOST_DESCRIBED
+from fmfts.sensor.wire.packets import MAX_PADS, MOST_DESCRIBED
 
 FIRST_MUX = 0x70
 MUX_CLOCK_HZ = 400_000  # SCPS207, f_scl
@@ -105,9 +105,12 @@ def of_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
             continue
         if clock_hz.setdefault(source.bus, source.clock_hz) != source.clock_hz:
             yield ("pad", number, "source", "clock_hz"), f"bus {source.bus} has one clock: {clock_hz[source.bus]}"
+        if len(names.setdefault(source.bus, [])) == MAX_PADS:
+            before = ", ".join(names[source.bus])
+            yield ("pad", number, "source", "bus"), f"at most {MAX_PADS} pads on one bus: {before} are there already"
         there = on.setdefault(source.bus, [])
         there.append((len(pad.geometry.sensors_mm), source.sensor_muxes))
-        names.setdefault(source.bus, []).append(pad.name)
+        names[source.bus].append(pad.name)
         load = BusLoad.of(there)
         if load.sensors > MOST_DESCRIBED:
             yield (
@@ -121,6 +124,25 @@ def of_buses(pads: Sequence[PadConfig]) -> Iterator[Problem]:
                 _more_than_carried(source, most_hz, load, names[source.bus]),
             )
     yield from too_fast.values()
+    yield from _hidden(pads)
+
+
+def _hidden(pads: Sequence[PadConfig]) -> Iterator[Problem]:
+    """A chip behind a mux at the address of one that is straight on the bus."""
+    direct: dict[tuple[int, int], str] = {}  # by bus and address, the pad
+    for pad in pads:
+        if isinstance(pad.source, I2cSource) and not pad.source.channels:
+            addresses = pad.source.sensor_addresses(len(pad.geometry.sensors_mm))
+            direct |= {(pad.source.bus, address): pad.name for address in addresses}
+    for number, pad in enumerate(pads):
+        if isinstance(pad.source, I2cSource) and pad.source.channels:
+            for address in dict.fromkeys(pad.source.sensor_addresses(len(pad.geometry.sensors_mm))):
+                if (other := direct.get((pad.source.bus, address))) is not None:
+                    yield (
+                        ("pad", number, "source", "channels"),
+                        f"pad {other!r} has a chip at 0x{address:02x} straight on the bus, which would answer for the "
+                        "one behind the mux: give one of them another address, or a bus of its own",
+                    )
 
 
 def _more_than_carried(source: I2cSource, most_hz: int, load: BusLoad, names: Sequence[str]) -> str:

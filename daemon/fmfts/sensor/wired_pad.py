@@ -1,12 +1,10 @@
-"""A pad as its driver needs it, with the settings of the chips. `sources.py` makes it from the configuration."""
+"""A pad as its driver needs it, with the settings of the chips. `sources.py` makes it from a checked configuration."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from fmfts.sensor.chips import Chip
-from fmfts.sensor.chips.rates import highest_rate_hz, no_trigger
-from fmfts.sensor.source import SourceError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,15 +68,4 @@ class Settings:
 
     @classmethod
     def of(cls, pad: WiredPad) -> Settings:
-        """SourceError if the chip lacks a setting."""
-        if pad.trigger == "simultaneous" and not pad.chip.has_trigger:
-            raise SourceError(f"pad {pad.name!r}: {no_trigger(pad.chip)}")
-        most_hz = highest_rate_hz(pad.chip, pad.trigger, over_bridge=isinstance(pad, PadOnBoard))
-        if pad.rate_hz > most_hz:
-            asked = f"rate_hz = {pad.rate_hz}, chip = {pad.chip.name!r}, trigger = {pad.trigger!r}"
-            raise SourceError(f"pad {pad.name!r}: {asked}: at most {most_hz} Hz are possible; lower rate_hz")
-        try:
-            gain_code = pad.chip.gain_code_for_range(pad.range_gauss)
-        except ValueError as error:
-            raise SourceError(f"pad {pad.name!r}: range_gauss: {error}") from None
-        return cls(gain_code, pad.rate_hz, int(pad.trigger == "simultaneous"))
+        return cls(pad.chip.gain_code_for_range(pad.range_gauss), pad.rate_hz, int(pad.trigger == "simultaneous"))

@@ -12,11 +12,10 @@ import serial
 
 from fmfts.sensor.bridge import serial_port
 from fmfts.sensor.frame import Frame
-from fmfts.sensor.source import SourceError
 from fmfts.sensor.wire.clock import DeviceClock
 from fmfts.sensor.wire.faults import note
 from fmfts.sensor.wire.packet_source import PacketSource
-from fmfts.sensor.wire.packets import UID_BYTES, Verb, frame_bytes
+from fmfts.sensor.wire.packets import Verb, frame_bytes
 from fmfts.sensor.wired_pad import PadOnBoard
 
 log = logging.getLogger(__name__)
@@ -38,7 +37,7 @@ class Bridge(PacketSource):
 
     def __init__(self, pads: Mapping[int, PadOnBoard], by_id: Path = Path("/dev/serial/by-id")) -> None:
         any_pad = next(iter(pads.values()))
-        self._uid = None if any_pad.uid is None else _uid_bytes(any_pad.uid, any_pad.name)
+        self._uid = None if any_pad.uid is None else bytes.fromhex(any_pad.uid)
         super().__init__(pads, f"bridge on {any_pad.port}", DeviceClock(), self._uid)
         self._configured_port = any_pad.port
         self._baud = any_pad.baud
@@ -277,15 +276,3 @@ class Bridge(PacketSource):
             serial_port.close(self._serial)
             self._unread = b""
             self._serial = self._descriptor = None
-
-
-def _uid_bytes(text: str, pad_name: str) -> bytes:
-    try:
-        uid = bytes.fromhex(text)
-    except ValueError:
-        uid = b""
-    if len(uid) != UID_BYTES:
-        raise SourceError(
-            f"pad {pad_name!r}: uid = {text!r}: a board's uid is {2 * UID_BYTES} hex digits; `probe` shows it"
-        )
-    return uid

@@ -35,7 +35,7 @@ CLOSE_S = 1.0
 
 
 class I2c(PacketSource):
-    """A ByteSource: one bus with `pads` by pad index; SourceError if the bus cannot carry them."""
+    """A ByteSource: one bus with `pads` by pad index."""
 
     def __init__(self, pads: Mapping[int, PadOnI2c]) -> None:
         self._config = reader_config(pads)
