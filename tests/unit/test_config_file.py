@@ -496,11 +496,6 @@ def test_table_of_another_package_is_judged_by_it_and_left_alone_by_daemon(tmp_p
     assert "simulated" not in gauge
     assert load(write(tmp_path, text))[0].collect == {"gauge": {"type": "usb", "port": "/dev/ttyUSB0"}}
     assert "collect.stage: a stage needs" in complaint(tmp_path, PAD + STAGE, CollectingConfig)
-    once = complaint(tmp_path, PAD + "[collect]\nmoved_limit_mm = 0.1\n", CollectingConfig)
-    assert once == (
-        "collect.moved_limit_mm: there is no such key any more: the unloaded magnet may be 0.05 mm from its place in the "
-        "baseline. Remove it"
-    )
     assert complaint(tmp_path, "collect = 3\n" + PAD) == "collect = 3: must be a table"
 
 

@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta, field
@@ -280,9 +280,6 @@ class PadConfig(_Section, frozen=True, kw_only=True):
 
 
 class Config(_Section, frozen=True):
-    """removed: keys that a file may still have, and their replacements."""
-
-    removed: ClassVar[Mapping[str, str]] = {}
     pad: tuple[PadConfig, ...]
     bus: BusConfig = field(default_factory=BusConfig)
     service: ServiceConfig = field(default_factory=ServiceConfig)

@@ -63,11 +63,6 @@ def explain(data: dict[str, Any], error: str, mended: dict[str, Any], whole: typ
         given = f"the table {shown}" if any(_tables(kind, name)) else _allowed(kind)
         return f"{place(data, [*keys, missing[1]])} is missing: give {given}"
     if unknown := re.search(r"unknown field `(.*)`", what):
-        dotted = ".".join(key for key in (*keys, unknown[1]) if isinstance(key, str))
-        if dotted in whole.removed:
-            return (
-                f"{place(data, [*keys, unknown[1]])}: there is no such key any more: {whole.removed[dotted]}. Remove it"
-            )
         nearest = _nearest(type_at(mended, keys, whole), unknown[1], whole)
         return f"{place(data, [*keys, unknown[1]])}: there is no such key{nearest}"
     if keys[-1:] == ["type"] and (how := lacking_source(value_at(data, keys))) is not None:

@@ -9,7 +9,7 @@ ANSWER_S = 0.5
 
 
 def sensor_places(endpoints: Endpoints) -> dict[str, Places]:
-    """x and y (m) of the sensors of each pad; empty if no daemon answers, or an old one."""
+    """x and y (m) of the sensors of each pad; empty if no daemon answers."""
     try:
         pads = request("pads", endpoint=endpoints, timeout_s=ANSWER_S)["pads"]
         return {pad["pad"]: [(float(x), float(y)) for x, y, _ in pad["sensors_m"]] for pad in pads}

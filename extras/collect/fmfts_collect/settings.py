@@ -5,8 +5,8 @@ from __future__ import annotations
 import ipaddress
 import math
 import re
-from collections.abc import Iterator, Mapping
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Iterator
+from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
@@ -76,11 +76,6 @@ class CollectConfig(Section, frozen=True):
 class CollectingConfig(Config, frozen=True):
     """The whole file, with its table [collect], which the daemon leaves unread."""
 
-    removed: ClassVar[Mapping[str, str]] = {
-        "collect.force_tolerance": "a force is reached within 5 % of the plan's: each row has the measured force",
-        "collect.moved_limit_mm": "the unloaded magnet may be 0.05 mm from its place in the baseline",
-        "collect.ambient_limit_ut": "the unloaded pad's field may differ by 2 µT from the baseline's",
-    }
     collect: CollectConfig = field(default_factory=CollectConfig)  # type: ignore[assignment]
 
     def problems_of_extras(self) -> Iterator[Problem]:
