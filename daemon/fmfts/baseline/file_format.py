@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime, timezone
 from itertools import chain
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -20,6 +20,8 @@ from fmfts.pad import Tolerance
 from fmfts.sensor.chips import GAIN_CODES
 
 Rows = tuple[tuple[float, float, float], ...]
+Stored = TypeVar("Stored", bound=msgspec.Struct)
+Facts = TypeVar("Facts")
 MOST_FIELDS = 1000  # the most fields that a file may hold of a turn or of presses; a recording keeps 100 and 40
 
 
@@ -49,25 +51,10 @@ class StoredRecording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def of(cls, recording: Recording) -> StoredRecording:
-        return cls(
-            utc=now(),
-            mean_t=_rows(recording.mean_t),
-            noise_t=_rows(recording.noise_t),
-            samples=tuple(int(count) for count in recording.samples),
-            gain_code=recording.gain_code,
-            temperature_c=recording.temperature_c,
-            duration_s=recording.duration_s,
-        )
+        return stored(cls, recording)
 
     def recording(self) -> Recording:
-        return Recording(
-            mean_t=np.array(self.mean_t),
-            noise_t=np.array(self.noise_t),
-            samples=np.array(self.samples),
-            gain_code=self.gain_code,
-            temperature_c=self.temperature_c,
-            duration_s=self.duration_s,
-        )
+        return unstored(Recording, self)
 
 
 class StoredGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -89,7 +76,7 @@ class StoredGains(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def of(cls, facts: Mapping[str, Any]) -> StoredGains:
         """From the facts of a self-test that passed (`selftest_facts` in sensor/chips/selftest.py)."""
         gain = np.array([sensor["gain_factor"] for sensor in facts["sensors"]], dtype=float)
-        return cls(now(), _rows(gain), facts["gain_factor_sd"])
+        return cls(now(), _plain(gain), facts["gain_factor_sd"])
 
     def sensitivity(self, tolerance: Tolerance) -> Sensitivity:
         return Sensitivity.tested(np.array(self.gain), self.deviation, tolerance)
@@ -116,11 +103,10 @@ class StoredTurn(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def of(cls, turn: Turn) -> StoredTurn:
-        times = tuple(float(time) for time in turn.time_s)
-        return cls(now(), tuple(_rows(field) for field in turn.field_t), _rows(turn.deviation_t), times)
+        return stored(cls, turn)
 
     def turn(self) -> Turn:
-        return Turn(np.array(self.field_t), np.array(self.deviation_t), np.array(self.time_s))
+        return unstored(Turn, self)
 
 
 class StoredPresses(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -141,11 +127,10 @@ class StoredPresses(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def of(cls, presses: PressFields) -> StoredPresses:
-        fields = tuple(_rows(field) for field in presses.field_t)
-        return cls(now(), fields, _rows(presses.deviation_t), _rows(presses.rest_t))
+        return stored(cls, presses)
 
     def presses(self) -> PressFields:
-        return PressFields(np.array(self.field_t), np.array(self.deviation_t), np.array(self.rest_t))
+        return unstored(PressFields, self)
 
 
 class StoredGeometry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -169,12 +154,29 @@ class StoredGeometry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def of(cls, learned: LearnedGeometry) -> StoredGeometry:
-        poses = [[float(value) for value in one] for one in learned.pose]
-        stored = tuple((x, y, z, u, v, w) for x, y, z, u, v, w in poses)
-        return cls(now(), _rows(learned.place_m), _rows(learned.rotation_rad), stored)
+        return stored(cls, learned)
 
     def geometry(self) -> LearnedGeometry:
-        return LearnedGeometry(np.array(self.place_m), np.array(self.rotation_rad), np.array(self.pose))
+        return unstored(LearnedGeometry, self)
+
+
+def stored(kind: type[Stored], facts: object, **others: float) -> Stored:
+    """The file's form of `facts`, which has the same fields but for the time and `others`: arrays become tuples."""
+    names = (name for name in kind.__struct_fields__ if name not in ("utc", *others))
+    return kind(utc=now(), **{name: _plain(getattr(facts, name)) for name in names}, **others)
+
+
+def unstored(kind: type[Facts], of_file: msgspec.Struct) -> Facts:
+    """The inverse of `stored`."""
+    values = {name: value for name, value in msgspec.structs.asdict(of_file).items() if name != "utc"}
+    return kind(**{name: np.array(value) if isinstance(value, tuple) else value for name, value in values.items()})
+
+
+def _plain(value: Any) -> Any:
+    """Python's own numbers, in nested tuples."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    return tuple(map(_plain, value)) if isinstance(value, list) else value
 
 
 def require_fields(*fields: Rows, sensors: int | None = None) -> None:
@@ -189,7 +191,3 @@ def require_fields(*fields: Rows, sensors: int | None = None) -> None:
 
 def now() -> str:
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
-
-
-def _rows(array: np.ndarray) -> Rows:
-    return tuple((float(x), float(y), float(z)) for x, y, z in array)

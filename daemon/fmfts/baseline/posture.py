@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fmfts.baseline.file_format import now
+from fmfts.baseline.file_format import stored
 from fmfts.baseline.joint_track import JointTrack, require_joints
 from fmfts.baseline.posture_fit import MOST_COORDINATES, Taught, fit_posture
 from fmfts.baseline.recording import BaselineError
@@ -81,28 +81,14 @@ class StoredPosture(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omi
 
     @classmethod
     def of(cls, taught: Taught) -> StoredPosture:
-        model = taught.model
-        return cls(
-            utc=now(),
-            names=model.names,
-            middle_rad=_row(model.middle_rad),
-            off_rad=_row(model.off_rad),
-            axes=_rows(model.axes),
-            exponents=_rows(model.exponents),
-            weight_t=_rows(model.weight_t),
-            inverse_normal=_rows(model.inverse_normal),
-            left_t2=_rows(model.left_t2),
-            mean_t=_row(model.mean_t),
-            spread_t2=_rows(model.spread_t2),
-            even_t=taught.even_t,
-        )
+        return stored(cls, taught.model, even_t=taught.even_t)
 
     def after_rest(self, track: JointTrack | None, frames: Sequence[Frame]) -> StoredPosture:
         """The same after another rest recording, with the joints in it as far as they are known."""
         rest = None
         if track is not None and self.names:
             rest = track.mean(self.names, frames[0].host_time_ns, frames[-1].host_time_ns)
-        known = None if rest is None else _row(rest)
+        known = None if rest is None else tuple(rest.tolist())
         return msgspec.structs.replace(self, rest_rad=known, rest_unknown=known is None)
 
     def model(self) -> PostureModel:
@@ -172,11 +158,3 @@ class PostureLearner:
         by_ambient = pad.sensors.axes.transpose(0, 2, 1).reshape(-1, 3)
         names = () if self.without_joints else self.track.names
         return fit_posture(names, joints[::step], change[::step], by_ambient)
-
-
-def _row(values: Array) -> Numbers:
-    return tuple(float(one) for one in values)
-
-
-def _rows(values: Array) -> tuple[Numbers, ...]:
-    return tuple(_row(one) for one in values)
