@@ -12,7 +12,6 @@ from bus_messages import contact_message, pose_message, status_message
 from rich.console import Console
 
 from fmfts.bus.encoding import encode
-from fmfts.view.history import History
 from fmfts.view.picture import render_contact, tilt_deg
 from fmfts.view.tally import Tally, now_line
 from fmfts_client import Contact, Status
@@ -169,17 +168,14 @@ SENSORS_M = [(0.008, 0.008), (0.008, -0.008), (-0.008, 0.008), (-0.008, -0.008)]
 
 def whole(width: int, **changes: Any) -> list[str]:
     """All that `listen` draws of a pad, on a terminal of that width."""
-    tally = Tally("demo")
-    for number in range(20):
-        tally.add(contact(t_publish_ns=number * 250_000_000, force_n=0.1 * number))
     status = Status.from_message(msgspec.msgpack.decode(encode(status_message(source="simulated pad, seed 1"))))
     console = Console(file=io.StringIO(), width=width, color_system=None)
     with console.capture() as capture:
-        console.print(render_contact(contact(**changes), status, 219.9, 0.001, False, width, SENSORS_M, tally.history))
+        console.print(render_contact(contact(**changes), status, 219.9, 0.001, False, width, SENSORS_M))
     return capture.get().splitlines()
 
 
-def test_picture_has_legend_scale_sensors_source_and_past() -> None:
+def test_picture_has_legend_scale_sensors_and_source() -> None:
     text = "\n".join(whole(100, x_m=0.0, y_m=0.0))
     marks = (
         "● contact",
@@ -187,9 +183,6 @@ def test_picture_has_legend_scale_sensors_source_and_past() -> None:
         "□ sensor",
         "10 mm",
         "pad demo: simulated pad, seed 1",
-        "▁",
-        "█",
-        "past 10 s",
     )
     for part in marks:
         assert part in text
@@ -206,11 +199,3 @@ def test_picture_fits_the_terminal_with_a_whole_frame(width: int) -> None:
     assert lines[0].startswith("╭")
     assert all(line.startswith("│") and line.endswith("│") for line in lines[1:-1])
     assert "1.50 ± 0.05 N" in "\n".join(lines)
-
-
-def test_history_keeps_largest_of_each_half_second_and_leaves_gaps() -> None:
-    history = History()
-    for time_s, value in ((0.0, 1.0), (0.2, 2.0), (0.6, 4.0), (2.0, None), (2.6, 1.0)):
-        history.add(round(time_s * 1e9), value)
-    assert history.blocks(6) == "▄█···▂"
-    assert history.largest == 4.0

@@ -201,7 +201,6 @@ class _Pictures:
             compact,
             self._live.console.width,
             self._sensors[tally.pad],
-            tally.history,
         )
 
 

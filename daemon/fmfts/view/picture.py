@@ -9,7 +9,6 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from fmfts.view.history import History
 from fmfts.view.surface import FULL_BAR_N, Places, force_style, surface
 from fmfts.view.tally import displacement_text
 from fmfts_client import Contact, Finger, Pose, Status
@@ -28,7 +27,6 @@ def render_contact(
     compact: bool = False,
     width: int = WIDTH,
     sensors_m: Places = (),
-    history: History | None = None,
 ) -> RenderableType:
     """The picture of one contact.
 
@@ -39,7 +37,7 @@ def render_contact(
     compact = compact or width < WIDTH
     half_columns = HALF_COLUMNS // 2 if compact else HALF_COLUMNS
     seen = surface(contact, half_columns, sensors_m)
-    figures = _figures(contact, status, rate_hz, arrival_s, history)
+    figures = _figures(contact, status, rate_hz, arrival_s)
     table = Table.grid(padding=(0, 1))
     if width >= (COMPACT_WIDTH if compact else WIDTH):
         table.add_row(seen, figures)
@@ -92,7 +90,6 @@ def _figures(
     status: Status | None,
     rate_hz: float | None,
     arrival_s: float | None,
-    history: History | None = None,
 ) -> Table:
     figures = Table.grid(padding=(0, 1))
     figures.add_column(style="bright_black", no_wrap=True)
@@ -103,8 +100,6 @@ def _figures(
     figures.add_row("contact", {True: "yes", False: "no", None: "not known"}[contact.contact])
     figures.add_row("force", Text(force_text(contact), force_style(contact)))
     figures.add_row("", _bar(contact))
-    if history is not None:
-        figures.add_row("past 10 s", Text(history.blocks(), "cyan"))
     if contact.more:
         figures.add_row("", Text("two fingers do not explain this", "yellow"))
     if contact.contacts:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 
-from fmfts.view.history import History
 from fmfts_client import ALIVE_S, Contact, Finger, Status
 
 WITHOUT_FRAMES = "stale", "disconnected"  # such a message repeats the last frame's time
@@ -26,7 +25,6 @@ class Tally:
         self.largest_force_n: float | None = None
         self.arrival_s: float | None = None  # age of the newest sample when its message arrived
         self.health_s: defaultdict[str, float] = defaultdict(float)
-        self.history = History()
         self._published_ns: deque[int] = deque()
         self._latencies_s: deque[float] = deque(maxlen=LATENCIES_KEPT)
         self._first_ns = 0
@@ -37,7 +35,6 @@ class Tally:
         self.arrival_s = None if contact.clock_ahead_s is None else contact.sample_age_s
         self._first_ns = self._first_ns or contact.t_publish_ns
         self._published_ns.append(contact.t_publish_ns)
-        self.history.add(contact.t_publish_ns, shown_number(contact))
         while contact.t_publish_ns - self._published_ns[0] > WINDOW_NS:
             self._published_ns.popleft()
         same_sample = before is not None and contact.t_sample_ns == before.t_sample_ns
@@ -156,15 +153,6 @@ def now_line(tally: Tally) -> str:
 def _finger_text(finger: Finger) -> str:
     place = f"({finger.x_m * 1e3:+.1f}, {finger.y_m * 1e3:+.1f}) mm"
     return f"finger {finger.id}: {finger.force_n:.2f} N at {place}"
-
-
-def shown_number(contact: Contact) -> float | None:
-    """The history's value: the force in N, else how far the magnet moved in mm."""
-    if contact.over_range:
-        return contact.force_min_n
-    if contact.force_n is None and contact.displacement_m is not None:
-        return contact.displacement_m * 1e3
-    return 0.0 if contact.contact is False else contact.force_n
 
 
 def displacement_text(contact: Contact) -> str:
