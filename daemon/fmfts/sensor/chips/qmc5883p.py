@@ -5,10 +5,12 @@ Boards named GY-271, HMC5883L or QMC5883L carry it today. Address, registers and
 
 from __future__ import annotations
 
+from dataclasses import replace
 from struct import Struct
 
-from fmfts.sensor.chips.chip import TESLA_PER_GAUSS, Axes, Chip
+from fmfts.sensor.chips.chip import Axes, Chip
 from fmfts.sensor.chips.driver import Setup, Wires, overflowing, registers, transfer_bits
+from fmfts.sensor.chips.qmc5883l import QMC5883L
 
 IDENTIFICATION, AXES, STATUS, CONTROL_1, SIGNS = 0x00, 0x01, 0x09, 0x0A, 0x29
 STATUS_READY, STATUS_OVERFLOW = 0x01, 0x02
@@ -61,7 +63,8 @@ class _Registers:
         return None
 
 
-QMC5883P = Chip(
+QMC5883P = replace(
+    QMC5883L,  # rates, noise and drift with temperature are assumed to be alike (unverified)
     name="qmc5883p",
     label="QMC5883P",
     driver=_Registers(),
@@ -71,18 +74,6 @@ QMC5883P = Chip(
     ranges_gauss=(2.0, 8.0, 12.0, 30.0),
     counts_per_gauss=tuple((counts, counts, counts) for counts in (15000, 3750, 2500, 1000)),
     largest_count=30000,  # beyond its range it reports an overflow, and still farther out it stays at 32767 or −32768
-    saturated_count=-32768,
-    output_rates_hz=(10.0, 50.0, 100.0, 200.0),
-    free_rate_hz=200,
-    single_rate_hz=0,
-    single_conversion_s=0.0,
-    single_wait_s=0.0,
-    clock_tolerance=0.05,
-    noise_t=2e-3 * TESLA_PER_GAUSS,  # as the QMC5883L's (unverified)
-    sensitivity_per_k=-0.0005,  # as the QMC5883L's (unverified)
-    thermometer=None,
-    bias_strap=None,
-    board_rates_hz=(200.0,),
     dump=registers((0x00, 1), (0x01, 6), (0x09, 1), (0x0A, 2), (0x29, 1)),
     supply="made; on boards sold as HMC5883L, QMC5883L and GY-271, 2 to 6 € each",
 )
