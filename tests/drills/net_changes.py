@@ -184,7 +184,7 @@ CHANGES = [
     Change("snapshot", "common/record.py", "            self._values[name] = values[name]\n",
            "            self._values[name] = values[name] if self._values[name].ndim else self._values[name]\n",
            (RECORDED,)),
-    Change("snapshot", "pipeline/pad_pipeline.py", "        self._sighting.recall(memory.sighting)\n", "", (RECORDED,)),
+    Change("snapshot", "pipeline/remembering.py", "        self._sighting.recall(memory.sighting)\n", "", (RECORDED,)),
     Change("several", "contact/press_table.c", "weighted(table, slope, sum[FMFTS_VALUE]",
            "weighted(table, value, sum[FMFTS_VALUE]", (SEVERAL,)),
     Change("several", "pose/magnets.c", "(back[j] / upright)", "back[j]", (SEVERAL,)),
