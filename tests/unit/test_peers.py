@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from fmfts.bus.control import DISCARDED_AT_ONCE, MOST_PARTS, MOST_UNREAD, Contro
 from fmfts.bus.gate import LARGEST_BATCH, ZAP_ENDPOINT, Gate
 from fmfts.bus.keys import KeyFolder
 from fmfts.bus.publisher import Publisher
+from fmfts.bus.unread import MOST_IN_ALL, MOST_OF_A_PEER, OF_AN_ANSWER, Answer, Unread
 from fmfts.runtime.fast_loop import FastLoop
 from fmfts.runtime.peers import BUDGET_NS, PAUSES, Peers, Servers
 from fmfts.runtime.schedule import NEVER_NS, Schedule
@@ -169,29 +171,98 @@ def test_waiting_messages_of_a_peer_are_bounded(loop: Loop) -> None:
         assert sent < 500, "there are 10 in the peer, MOST_WAITING in the daemon, and up to 300 in the kernel"
     answers = [received(peer, loop) for _ in range(sent)]
     assert [answer["id"] for answer in answers] == [1] * sent
-    assert loop.control._dropped == 0
+    assert loop.control._unread.of((b"",)) == 0
 
 
-def test_peer_that_does_not_read_gets_no_more_answers(loop: Loop, caplog: pytest.LogCaptureFixture) -> None:
-    """They are bounded and logged, and nobody else waits."""
+def test_peer_that_does_not_read_is_refused_with_a_sentence(loop: Loop) -> None:
     peer, other = loop.peer(high_mark=1), loop.peer()
     loop.act = lambda request: request.reply(facts="x" * 200_000)
     asked = 0
-    while not loop.control._dropped:
+    while not loop.control._unread._kept:
         peer.send(asking("deaf", asked))
         asked += 1
         while loop.control.serve_one(loop._handle):
             pass
         assert asked < 10 * MOST_UNREAD
-    assert asked > MOST_UNREAD
+    (route,) = loop.control._unread._kept
+    for _ in range(20):
+        peer.send(asking("deaf", asked))
+        asked += 1
+    while loop.control._unread.of((route,)) < 21:
+        loop.pause()
+        loop.turn()
+    handled = len(loop.handled)
+    assert handled <= asked - 20, "no request is handled while answers wait"
     loop.act = lambda request: request.reply()
     other.send(asking("other"))
     assert received(other, loop)["ok"], "nobody else waits for it"
+    answers = [received(peer, loop) for _ in range(asked)]
+    assert [answer["id"] for answer in answers] == list(range(asked))
+    assert ["ok" in answer for answer in answers] == [True] * handled + [False] * (asked - handled)
+    for answer in answers[handled:]:
+        assert "earlier answers to you were not read yet: read each answer" in answer["error"]
+    peer.send(asking("reads again"))
+    assert received(peer, loop)["ok"]
+
+
+@pytest.mark.parametrize("size", [100, 200_000])
+def test_answers_that_nobody_reads_are_bounded_and_logged(size: int, caplog: pytest.LogCaptureFixture) -> None:
+    tried: deque[Answer] = deque(maxlen=1)
+    unread = Unread(lambda answer: bool(tried.append(answer)))
+    fitting = MOST_OF_A_PEER // (size + len(b"deaf") + OF_AN_ANSWER)
+    for _ in range(fitting + 3):
+        unread.keep(((b"deaf",), bytes(size)))
+    assert unread.of((b"deaf",)) == fitting
     assert [record.getMessage()[:23] for record in caplog.records] == ["1 answer(s) were droppe"]
-    answers = [received(peer, loop) for _ in range(asked - 1)]
-    assert [answer["id"] for answer in answers] == list(range(asked - 1))
-    peer.send(asking("reads again", asked))
-    assert received(peer, loop)["id"] == asked
+    assert not unread.deliver_one()
+
+
+def test_answers_to_many_peers_are_bounded_in_all() -> None:
+    reads = False
+    unread = Unread(lambda answer: reads)
+    peers = [b"%d" % number for number in range(300)]
+
+    def kept() -> int:
+        for peer in peers:
+            unread.keep(((peer,), bytes(200_000)))
+        return sum(unread.of((peer,)) for peer in peers)
+
+    first = kept()
+    assert 0.9 * MOST_IN_ALL < first * 200_000 < MOST_IN_ALL
+    reads = True
+    while unread.deliver_one():
+        pass
+    reads = False
+    assert kept() == first, "what was delivered counts no more"
+
+
+def test_peer_that_reads_slowly_loses_no_answer() -> None:
+    unread = Unread(lambda answer: True)
+    unread.keep(((b"slow",), bytes(200_000)))
+    for _ in range(2 * MOST_OF_A_PEER // 200_000):
+        unread.keep(((b"slow",), bytes(200_000)))
+        assert unread.deliver_one()
+        assert unread.of((b"slow",)) == 1
+
+
+def test_each_peer_with_unread_answers_has_its_turn() -> None:
+    sent: list[Answer] = []
+
+    def is_sent(answer: Answer) -> bool:
+        if answer[0][0].startswith(b"deaf"):
+            return False
+        sent.append(answer)
+        return True
+
+    unread = Unread(is_sent)
+    for number in range(40):
+        unread.keep(((b"deaf %d" % number,), b""))
+    for number in range(3):
+        unread.keep(((b"reads",), b"%d" % number))
+    for _ in range(20):
+        unread.deliver_one()
+    assert [payload for _, payload in sent] == [b"0", b"1", b"2"]
+    assert unread.of((b"reads",)) == 0
 
 
 def test_req_socket_gets_the_final_answer_and_no_progress(loop: Loop) -> None:

@@ -14,6 +14,7 @@ from fmfts.bus.encoding import NotFiniteError, encode_facts, not_finite_field
 from fmfts.bus.gate import key_of
 from fmfts.bus.keys import KeyFolder, why_refused
 from fmfts.bus.server import BoundSocket
+from fmfts.bus.unread import Answer, Unread
 from fmfts.common.exit_codes import DATA, code_of
 
 READING = frozenset({"status", "probe", "pads"})
@@ -22,7 +23,7 @@ VERBS = READING | CHANGING
 LARGEST_REQUEST = 1024  # the largest valid one has less than half of it
 LARGEST_RECEIVED = 2 * LARGEST_REQUEST  # beyond this ZeroMQ closes the connection instead of answering
 # Requests of one peer that wait in this process, and answers that one peer has not read. A peer that sends more waits
-# in its own `send`; more answers are dropped, as it has stopped reading.
+# in its own `send`; see unread.py for answers.
 MOST_WAITING = MOST_UNREAD = 32
 MOST_PARTS = 3  # a REQ socket's request has three parts with the sender's identity
 DISCARDED_AT_ONCE = 32
@@ -96,8 +97,10 @@ class Request:
         if self.answered:
             raise RuntimeError(f"{self.verb}: this request was answered already")
         self.answered = last
-        if last or len(self._route) == 1:
+        if last:
             self._server._answer(self._route, payload)
+        elif len(self._route) == 1:
+            self._server._inform(self._route, payload)
 
 
 class ControlServer:
@@ -115,7 +118,7 @@ class ControlServer:
         self._keys = None if self._socket.path is not None else keys
         # Without it an answer to a peer that reads nothing would be dropped, without an error.
         self._socket.zmq.setsockopt(zmq.ROUTER_MANDATORY, 1)
-        self._dropped = 0
+        self._unread = Unread(self._is_sent)
         self._has_surplus_parts = False
         self.may_have_more = True
 
@@ -128,13 +131,17 @@ class ControlServer:
         return int(self._socket.zmq.getsockopt(zmq.FD))
 
     def serve_one(self, handle: Callable[[Request], None]) -> bool:
-        """Take the next request: `handle` gets a valid one, any other gets an error. False if there is none."""
+        """Take the next request: `handle` gets a valid one, any other gets an error. False if there is nothing to do.
+
+        Also sends an answer that waits for a peer that did not read, if it reads now.
+        """
         if self._has_surplus_parts:
             self._discard()
             return True
+        delivered = self._unread.deliver_one()
         self.may_have_more = self._socket.readable()
         if not self.may_have_more:
-            return False
+            return delivered
         request = self._read(*self._receive())
         if request is not None:
             handle(request)
@@ -167,6 +174,7 @@ class ControlServer:
             identity = _identity(content)
             _check(content)
             self._require_trust(content["verb"], key)
+            self._require_reader(route)
             return Request(self, route, identity, content)
         except BadRequestError as error:
             self._answer(route, encode_facts({"id": identity, "error": str(error), "code": code_of(error)}))
@@ -181,25 +189,34 @@ class ControlServer:
                 "ipc://…, or give the daemon keys ([bus] keys)"
             )
 
+    def _require_reader(self, route: tuple[bytes, ...]) -> None:
+        if kept := self._unread.of(route):
+            raise BadRequestError(
+                f"nothing was done, because {MOST_UNREAD + kept} earlier answers to you were not read yet: read "
+                "each answer before you ask again"
+            )
+
     def _answer(self, route: tuple[bytes, ...], payload: bytes) -> None:
-        """Drops it if the peer has MOST_UNREAD answers to read already. No answer is needed where the peer has gone."""
+        if self._unread.of(route) or not self._is_sent((route, payload)):
+            self._unread.keep((route, payload))
+
+    def _inform(self, route: tuple[bytes, ...], payload: bytes) -> None:
+        """Send something that may be dropped for a peer that reads nothing."""
+        if not self._unread.of(route):
+            self._is_sent((route, payload))
+
+    def _is_sent(self, answer: Answer) -> bool:
+        """False if the peer has MOST_UNREAD answers to read already. No answer is needed where the peer has gone."""
         self.may_have_more = True  # sending may consume the edge that announced a request
+        route, payload = answer
         try:
             self._socket.zmq.send_multipart((*route, payload), flags=zmq.NOBLOCK)
         except zmq.Again:
-            self._drop()
+            return False
         except zmq.ZMQError as error:
             if error.errno != errno.EHOSTUNREACH:
                 raise
-
-    def _drop(self) -> None:
-        self._dropped += 1
-        if self._dropped == 1 or self._dropped % 10_000 == 0:
-            log.warning(
-                "%d answer(s) were dropped: a program on the control socket sends requests and does not read the "
-                "answers; `ss -xp` (tcp: `ss -tp`) shows who is connected",
-                self._dropped,
-            )
+        return True
 
 
 def _decode(body: list[bytes], has_surplus_parts: bool) -> dict[str, Any]:

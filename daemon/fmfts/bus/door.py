@@ -20,14 +20,14 @@ from fmfts.bus.server import BoundSocket
 from fmfts.service import open_files
 from fmfts.service.realtime import RealtimeError, take_thread_priority
 
-# The unit gives the daemon 2 GiB (MemoryMax). It takes 100 MB itself. At most 3 MB are kept for a peer that reads
-# nothing: on the bus PEER_BYTES and 0.2 MB in the kernel; at the control socket 32 answers (1.6 MB for the statuses of
-# 64 pads) and 1 MB of requests that wait. A flood of 25,000 connections a second brings 125 more before the next look.
-# So (512 + 125) * 3 MB + 100 MB = 2011 MB are less than 2 GiB = 2147 MB.
+# The unit gives the daemon 2 GiB (MemoryMax). It takes 100 MB itself, and unread.py keeps 20 MB. At most 3 MB are kept
+# for a peer that reads nothing: on the bus PEER_BYTES and 0.2 MB in the kernel; at the control socket 32 answers (1.6
+# MB for the statuses of 64 pads) and 1 MB of requests that wait. A flood of 25,000 connections a second brings 125 more
+# before the next look. So (512 + 125) * 3 MB + 120 MB = 2031 MB are less than 2 GiB = 2147 MB.
 # A controller, a view and a recorder of each of 64 pads are 192 connections at least.
 MOST_CONNECTIONS = 512
 MOST_OF_A_CONNECTION = 3_000_000
-OF_THE_DAEMON = 100_000_000
+OF_THE_DAEMON = 120_000_000
 SHARE_OF_LIMIT = 2
 # A program that does nothing else connects 25,000 times a second (measured; libzmq's thread is then as busy).
 MEASURED_PER_S = 25_000.0
