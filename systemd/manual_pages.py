@@ -160,4 +160,6 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python systemd/manual_pages.py FOLDER, such as ~/.local")
     main(Path(sys.argv[1]))

@@ -21,6 +21,7 @@ def run(options: argparse.Namespace) -> int:
     from fmfts.config import Config, I2cSource
     from fmfts.config.checks import other_silicone
     from fmfts.config.i2c_checks import rates_carried
+    from fmfts.config.neighbour_checks import unnamed_neighbours
     from fmfts.contact import ContactModel, ModelError, NoContactModel
     from fmfts.contact.contract import SHEAR_OUTPUT_ORDER
     from fmfts.contact.unknown_finger import unknown_finger
@@ -47,6 +48,8 @@ def run(options: argparse.Namespace) -> int:
         for pad in config.pad:
             kind = pad.source.__struct_config__.tag
             model = models[pad.name]
+            for text in unnamed_neighbours(pad, config.pad):
+                print(f"{pad.name}: warning: {text}", file=sys.stderr)
             if isinstance(pad.source, I2cSource):
                 print(f"{pad.name}: {rates_carried(config.pad, pad.source)}")
             if isinstance(model, NoContactModel):

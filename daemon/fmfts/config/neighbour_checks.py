@@ -11,6 +11,7 @@ from fmfts.config.section import Key, Problem
 from fmfts.config.several_checks import MAGNETS_APART_MM
 
 MOST_NEIGHBOURS = 3
+NEAR_MM = 100.0  # nearer magnets are felt: docs/scene.md
 MOST_OTHER_MAGNETS = 8  # magnets of the neighbours of a pad with one magnet: the solver's state holds nine magnets
 
 
@@ -39,6 +40,24 @@ def of_neighbours(pads: Sequence[PadConfig]) -> Iterator[Problem]:
                     f"its magnet is where that of its neighbour {neighbour!r} is: say in [pad.placement] of both where "
                     "they sit in a frame that they share; a pad that moves against this one cannot be a neighbour",
                 )
+
+
+def unnamed_neighbours(pad: PadConfig, pads: Sequence[PadConfig]) -> list[str]:
+    """Warnings about pads whose magnets this one feels and whose poses it is not given.
+
+    Pads at one place share no frame: nobody said where they are.
+    """
+    far_mm = {
+        other.name: _magnets_apart_mm(pad, other)
+        for other in pads
+        if other.name not in (pad.name, *pad.scene.neighbours) and other.model_kind is None
+    }
+    return [
+        f"pad {name!r} is {apart_mm:.0f} mm away, and its magnet is taken for a press or steel: "
+        f"add it to scene.neighbours, or give placement.position_mm where it really is"
+        for name, apart_mm in far_mm.items()
+        if MAGNETS_APART_MM <= apart_mm < NEAR_MM and pad.model_kind is None
+    ]
 
 
 def _magnets_of(pad: PadConfig, pads: Sequence[PadConfig], count: int) -> int:

@@ -173,8 +173,8 @@ static double quiet_force_sd_n(double force_sd_n, double detection_limit_n)
 }
 
 /* Deviation of the estimate in contact, of 0 without contact. The less a force exceeds its noise, the more the
- * detection limit counts. If the magnet has moved but the force is not certain, 0 may be wrong by the whole estimate.
- * */
+ * detection limit counts. If the magnet has moved but the force is not certain, or not published yet, 0 may be wrong by the
+ * whole estimate. */
 double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_estimate *estimate,
                         const fmfts_contact_memory *touch)
 {
@@ -183,5 +183,6 @@ double fmfts_force_sd_n(const fmfts_message_parameters *parameters, const fmfts_
         return quiet_force_sd_n(estimate->central_force_sd_n, limit_n);
     }
     double deviation_n = quiet_force_sd_n(estimate->deviation[2], estimate->doubt * limit_n);
-    return touch->in_contact == FMFTS_SURE_FORCE ? deviation_n : sqrt(deviation_n * deviation_n + force_n * force_n);
+    bool is_sure = touch->in_contact == FMFTS_SURE_FORCE && fmfts_is_published(touch);
+    return is_sure ? deviation_n : sqrt(deviation_n * deviation_n + force_n * force_n);
 }

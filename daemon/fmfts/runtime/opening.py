@@ -11,6 +11,7 @@ from fmfts.baseline.recording import ForeignError
 from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
 from fmfts.config.checks import other_silicone
+from fmfts.config.neighbour_checks import unnamed_neighbours
 from fmfts.contact import ContactModel, ModelError, NoContactModel
 from fmfts.contact.unknown_finger import unknown_finger
 from fmfts.pad import Pad
@@ -108,6 +109,8 @@ def channel_of(
         log.info("pad '%s': %s", pad.name, scene.why)
         for text in observability_warnings(pad, scene.tracking):
             log.warning("pad '%s': %s", pad.name, text)
+    for text in unnamed_neighbours(config, pads):
+        log.warning("pad '%s': %s", pad.name, text)
     if isinstance(model, ContactModel):
         for doubt in (other_silicone(config), unknown_finger(model)):
             if doubt is not None:

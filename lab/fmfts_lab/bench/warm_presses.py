@@ -6,6 +6,7 @@ contact/touch.c). Until then it is in the pipeline's memory alone: as it was pub
 
 from __future__ import annotations
 
+import math
 from argparse import Namespace
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -38,6 +39,8 @@ class Seen(NamedTuple):
 
     begun: bool
     published: bool
+    force_n: float
+    force_sd_n: float
 
 
 class WarmPad:
@@ -61,7 +64,9 @@ class WarmPad:
         for frame in frames:
             message = message_of(self.pipeline.answer(frame))
             begun = float(self.pipeline.memory.fields["in_contact"]) != 0.0
-            seen.append(Seen(begun, message.contact is True))
+            force = message.force_n, message.force_sd_n
+            force_n, force_sd_n = (math.nan if number is None else number for number in force)
+            seen.append(Seen(begun, message.contact is True, force_n, force_sd_n))
         return seen
 
     def pressed(self, x_m: float, force_n: float, rate_n_per_s: float) -> list[Seen]:
