@@ -193,6 +193,24 @@ def serving_status(base: str, *pads: Any) -> Iterator[None]:
         yield
 
 
+def test_mistyped_pad_is_reported_by_a_daemon_that_was_too_busy_at_first(
+    base: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fmfts.view.listen.ASK_AGAIN_S", 0.1)
+    monkeypatch.setattr("fmfts.view.silence.ANSWER_S", 0.2)
+    server, asked = ControlServer(f"{base}/control"), count()
+
+    def answer() -> None:
+        """The first two requests time out."""
+        while server.serve_one(lambda request: next(asked) < 2 or request.reply(pads=[{"pad": "left"}])):
+            pass
+
+    with closing(server), repeating(answer, 0.005):
+        assert listen("lef", 60.0, io.StringIO(), endpoint=base) == exit_codes.USAGE
+    assert "'left'" in caplog.text
+    assert next(asked) >= 3
+
+
 def test_mistyped_pad_is_reported_with_the_intended_one(base: str, caplog: pytest.LogCaptureFixture) -> None:
     out = io.StringIO()
     with serving_status(base, {"pad": "left"}, {"pad": "right"}):

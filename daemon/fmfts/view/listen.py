@@ -36,6 +36,7 @@ from fmfts_client import (
 )
 
 PICTURES_PER_SECOND = 12
+ASK_AGAIN_S = 5.0  # whether the daemon has the pad, while nothing of it arrives
 log = logging.getLogger(__name__)
 
 
@@ -87,7 +88,7 @@ def _listen(subscription: Subscription, pad: str | None, seconds: float | None, 
         output = _Lines(tallies, waiting, out)
     end = None if seconds is None else time.monotonic() + seconds
     try:
-        for message in _messages(subscription, output, end):
+        for message in _messages(subscription, output, end, pad):
             try:
                 _count(tallies, message)
             except MessageError as error:
@@ -104,15 +105,23 @@ def _listen(subscription: Subscription, pad: str | None, seconds: float | None, 
     return 0
 
 
-def _messages(subscription: Subscription, output: _Output, end: float | None) -> Iterator[Message]:
-    """Yields messages until `end`, and refreshes the output in between."""
+def _messages(subscription: Subscription, output: _Output, end: float | None, pad: str | None) -> Iterator[Message]:
+    """Yields messages until `end`, and refreshes the output in between.
+
+    Raises NoSuchPadError, also where the daemon was too busy to say so at first, or starts later.
+    """
     refresh = time.monotonic()
+    ask_again, is_heard = refresh + ASK_AGAIN_S, pad is None
     while end is None or time.monotonic() < end:
+        if not is_heard and time.monotonic() >= ask_again:
+            require_pad(subscription.endpoints, pad)
+            ask_again = time.monotonic() + ASK_AGAIN_S
         if time.monotonic() >= refresh:
             output.refresh()
             refresh = time.monotonic() + output.interval_s
         message = subscription.receive(max(0.0, min(refresh, end or refresh) - time.monotonic()))
         if message is not None:
+            is_heard = True
             yield message
 
 
