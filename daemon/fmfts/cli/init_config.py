@@ -208,10 +208,11 @@ def _asked(source: Any) -> tuple[dict[str, Any], str]:
         return {}, str(error)
     try:
         deadline = Deadline(device)
-        while not deadline.passed(time.monotonic()) and not (device.state.board and device.state.connected):
+        # A board that runs already may send its counters before it says who it is.
+        while not deadline.passed(time.monotonic()) and not (device.state.board.get("uid") and device.state.connected):
             device.poll(time.monotonic_ns())
             time.sleep(TURN_S)
-        return device.state.board, device.state.reason or ("" if device.state.board else "no board answers")
+        return device.state.board, device.state.reason or "no board answers"
     finally:
         device.close()
 
