@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from end_to_end.processes import BRIDGE_CONFIG, UNTOUCHED_CONFIG, FirmwareHost, RunningDaemon, resting_field
+from fmfts.baseline import Baseline, encode
 from fmfts.pad import Pad
 
 ONE, OTHER = "31" * 12, "42" * 12
@@ -86,3 +88,24 @@ def test_baseline_of_another_board_is_not_improved(tmp_path: Path, pad: Pad, opt
         ended = daemon.command("baseline", option, "--duration-s", "1", "--config", daemon.config)
     assert ended.returncode == 65, ended
     assert f"its baseline was recorded on board {ONE}" in ended.stderr
+
+
+def test_baseline_without_board_id_is_accepted_with_note(tmp_path: Path, pad: Pad) -> None:
+    with FirmwareHost(tmp_path) as host:
+        host.field(resting_field(pad))
+        with RunningDaemon(tmp_path, BRIDGE_CONFIG.format(port=host.port)) as daemon:
+            daemon.wait_for(lambda contact: contact.sensors_ok == 0b1111)
+            record(daemon)
+            daemon.stop()
+            without_origin(file_of(daemon))
+            daemon.start()
+            daemon.wait_until_serving()
+            daemon.wait_for(lambda contact: contact.health == "ok")
+            assert "does not say on which board it was recorded" in daemon.log.read_text()
+
+
+def without_origin(path: Path) -> None:
+    """As another program may write it."""
+    baseline = msgspec.json.decode(path.read_bytes(), type=Baseline)
+    assert baseline.origin is not None
+    path.write_bytes(encode(baseline.recorded_on(None)))

@@ -41,6 +41,22 @@ def test_memory_of_another_kind_of_pad_is_refused(of: str, by: str) -> None:
         restore(KINDS[by](), snapshot(KINDS[of]()))
 
 
+@pytest.mark.parametrize(("kind", "part"), [("fingers", "fingers"), ("poses", "poses")])
+def test_pad_of_several_magnets_that_starts_anew_remembers_no_frame(kind: str, part: str) -> None:
+    """But for the ids of its fingers, which nobody may give twice."""
+    made = KINDS[kind]()
+    before = encode(getattr(made.memory, part))
+    for frame in frames(20, steady_finger(-6e-3, -1e-3, 0.8)):
+        made.process(frame)
+    assert encode(getattr(made.memory, part)) != before
+    made.start_anew()
+    after = made.memory
+    if after.fingers is not None:
+        assert after.fingers.counter.next_id == 2
+        after.fingers.counter.next_id = 1
+    assert encode(getattr(after, part)) == before
+
+
 @pytest.mark.parametrize("part", ["fields", "followed", "sighting", "fingers"])
 def test_refused_memory_changes_nothing(part: str) -> None:
     """Whichever part is impossible, all others are as before."""

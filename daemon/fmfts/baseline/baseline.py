@@ -54,7 +54,7 @@ class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     refine: StoredPresses | None = None
     # The self-test's gains before the turn; None: there was none, so tolerance.gain holds.
     gains: StoredGains | None = None
-    # The sensors of the recording; None: not from a file.
+    # The sensors of the recording; None: not recorded, or of a file that another program wrote.
     origin: Origin | None = None
     # Learned places of the sensors, for a rough drawing; `refine` then has the presses.
     learned: StoredGeometry | None = None

@@ -72,3 +72,11 @@ def foreign(pad: str, whose: Origin, mine: Origin) -> str:
         f"pad '{pad}': its baseline was recorded on {whose}, but the pad is on {mine}, which has other sensors: "
         f"record a baseline here: `fmfts-daemon baseline --bare --pad {pad}` without the pad, then `--rest` with it"
     )
+
+
+def unbound(pad: str) -> str:
+    """The sentence for a baseline file without an origin, as another program may write it."""
+    return (
+        f"pad '{pad}': its baseline does not say on which board it was recorded, so it is accepted; "
+        f"`fmfts-daemon baseline --rest --pad {pad}` records one that does"
+    )

@@ -152,7 +152,7 @@ class SeveralPipeline(RememberingPipeline):
 
     def start_anew(self) -> None:
         """Forget all frames, because the next have another clock, or an error left half a memory. A new estimator would
-        take 15 ms, in which all other pads wait."""
+        take some milliseconds, in which all other pads wait."""
         self._memory.fill(first_memory(self.pad, None))
         self._has_now = False
         if self._followed is not None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from fmfts.baseline import Baseline, BaselineError
 from fmfts.baseline.files import StateError, stored
+from fmfts.baseline.origin import unbound
 from fmfts.baseline.recording import ForeignError
 from fmfts.bus.publisher import Publisher
 from fmfts.config import Config, PadConfig, ReplaySource, SimulatedSource, neighbours_of
@@ -139,6 +140,12 @@ def use_baseline(channel: Channel, config: PadConfig, pads: Sequence[PadConfig])
             log.warning("pad '%s': no baseline yet: `fmfts-daemon baseline --bare`, then `--rest`", pad.name)
         elif baseline != pipeline.baseline:  # a recording that is played again mostly has the same baseline
             channel.use(baseline)
+            if (
+                channel.baseline.origin is not None
+                and baseline.origin is None
+                and not isinstance(config.source, SimulatedSource)
+            ):
+                log.warning("%s", unbound(pad.name))
     except BaselineError as error:
         log.error("%s", error)
         pipeline.refuse(str(error))
